@@ -1,0 +1,1 @@
+//! Volumetric photon mapping for smoke, clouds, fog and fire stored in OpenVDB files.

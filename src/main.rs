@@ -1,0 +1,3 @@
+//! The `vpm-vdb` command.
+
+fn main() {}
