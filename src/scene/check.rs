@@ -1,0 +1,1 @@
+//! Scene file to scene: gathers every fault with line and column.

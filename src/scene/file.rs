@@ -1,0 +1,1 @@
+//! Mirror of the scene file's TOML text.
