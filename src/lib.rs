@@ -1,4 +1,11 @@
 //! Volumetric photon mapping for smoke, clouds, fog and fire stored in OpenVDB files.
 
+pub mod grid;
+pub mod march;
+pub mod medium;
+pub mod phase;
+pub mod ray;
+pub mod rng;
 pub mod scene;
 pub mod spectrum;
+pub mod tracking;
