@@ -49,6 +49,8 @@ struct MediumProfile<S> {
     sigma_t: S,
     /// In order of t; at least two, or none.
     knots: Vec<Knot>,
+    /// Depth of the last knot, before rounding: hundreds of cells add up. \[m\]
+    total: f64,
     /// Index of the last knot at or before the start of each of equal bins of t.
     bins: Vec<u32>,
     /// Bins per metre.
@@ -113,14 +115,10 @@ impl<S: Spectrum> Profile<S> {
                 }
                 Field::Grid(field) => profile.march(field, ray, t_end, march, spent, counters),
             }
-            if profile.knots.is_empty() {
-                self.used -= 1;
-                continue;
-            }
-            if let Some(last) = profile.knots.last()
-                && last.depth >= spent
-            {
-                self.t_end = self.t_end.min(last.t);
+            match profile.knots.last().copied() {
+                None => self.used -= 1,
+                Some(last) if last.depth >= spent => self.t_end = t_end.min(last.t),
+                Some(_) => {}
             }
         }
         for profile in &mut self.media[..self.used] {
@@ -144,6 +142,7 @@ impl<S: Spectrum> Profile<S> {
         profile.medium = medium;
         profile.sigma_t = sigma_t;
         profile.knots.clear();
+        profile.total = 0.0;
         self.used += 1;
         profile
     }
@@ -293,40 +292,36 @@ impl<S: Spectrum> MediumProfile<S> {
     /// Appends a piece; a gap before it has density 0.
     fn push(&mut self, piece: Piece) {
         let [first, _, last] = piece.density;
-        let depth = match self.knots.last().copied() {
-            None => {
+        if let Some(knot) = self.knots.last().copied() {
+            if knot.t < piece.t_min {
+                self.knots.push(Knot {
+                    density: 0.0,
+                    ..knot
+                });
                 self.knots.push(Knot {
                     t: piece.t_min,
-                    depth: 0.0,
-                    density: first,
+                    density: 0.0,
+                    ..knot
                 });
-                0.0
             }
-            Some(knot) => {
-                if knot.t < piece.t_min {
-                    self.knots.push(Knot {
-                        density: 0.0,
-                        ..knot
-                    });
-                    self.knots.push(Knot {
-                        t: piece.t_min,
-                        depth: knot.depth,
-                        density: 0.0,
-                    });
-                }
-                if self.knots.last().is_some_and(|k| k.density != first) {
-                    self.knots.push(Knot {
-                        t: piece.t_min,
-                        depth: knot.depth,
-                        density: first,
-                    });
-                }
-                knot.depth
+            if self.knots.last().is_some_and(|k| k.density != first) {
+                self.knots.push(Knot {
+                    t: piece.t_min,
+                    density: first,
+                    ..knot
+                });
             }
-        };
+        } else {
+            self.knots.push(Knot {
+                t: piece.t_min,
+                depth: 0.0,
+                density: first,
+            });
+        }
+        self.total += f64::from(piece.integral());
         self.knots.push(Knot {
             t: piece.t_max,
-            depth: depth + piece.integral(),
+            depth: self.total as f32,
             density: last,
         });
     }
