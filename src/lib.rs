@@ -1,6 +1,8 @@
 //! Volumetric photon mapping for smoke, clouds, fog and fire stored in OpenVDB files.
 
+pub mod camera;
 pub mod grid;
+pub mod light;
 pub mod march;
 pub mod medium;
 pub mod phase;

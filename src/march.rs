@@ -134,6 +134,7 @@ impl<S: Spectrum> Profile<S> {
                 medium,
                 sigma_t,
                 knots: Vec::new(),
+                total: 0.0,
                 bins: Vec::new(),
                 bin_scale: 0.0,
             });
