@@ -91,6 +91,12 @@ impl Camera {
         self.frame.map(|v| v.as_vec3())
     }
 
+    /// The picture point straight ahead. \[px\]
+    #[must_use]
+    pub fn principal_point(&self) -> [f32; 2] {
+        self.resolution.map(|r| (0.5 * r) as f32)
+    }
+
     /// Pixels per unit of slope (offset over view depth), across and down.
     #[must_use]
     pub fn pixels_per_slope(&self) -> [f32; 2] {

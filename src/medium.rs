@@ -11,10 +11,12 @@
 
 use glam::{Affine3A, DAffine3, DVec3, Vec3};
 
+use crate::blackbody::Blackbody;
 use crate::grid::Grid;
 use crate::grid::majorant::MajorantGrid;
 use crate::phase::PhaseFunction;
 use crate::ray::{Bounds, Ray};
+use crate::scene::Rgb;
 use crate::spectrum::Spectrum;
 
 /// A grid placed in the world.
@@ -110,8 +112,18 @@ pub struct EmissionField {
     pub temperature: GridField,
     /// Kelvin where the grid is 1. \[K\]
     pub scale: f32,
-    /// Factor on the radiance.
+    /// Luminance where the grid is 1. \[W/(m2 sr)\]
     pub radiance: f32,
+    /// Planck's law.
+    pub blackbody: Blackbody,
+}
+
+impl EmissionField {
+    /// Emitted radiance at a world point. \[W/(m2 sr)\]
+    #[must_use]
+    pub fn radiance_at(&self, p: Vec3) -> Rgb {
+        self.blackbody.rgb(self.temperature.density(p) * self.scale) * self.radiance
+    }
 }
 
 /// One medium.

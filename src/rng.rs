@@ -44,6 +44,12 @@ impl Rng {
         Self(Xoshiro256PlusPlus::seed_from_u64(mix(key ^ index)))
     }
 
+    /// 64 random bits.
+    #[inline]
+    pub fn bits(&mut self) -> u64 {
+        self.0.next_u64()
+    }
+
     /// Uniform in [0, 1), 24 bits.
     #[inline]
     pub fn uniform(&mut self) -> f32 {

@@ -197,7 +197,7 @@ fn chromatic_flight<S: Spectrum>(
             // Shorter than the flight was: it cannot collide again.
             let _ = flight_in(medium, ray, end, &mut own, sampler);
         }
-        hero.ratio = hero.ratio * own.ratio;
+        hero.ratio *= own.ratio;
     }
     sampler.rng = after;
     first
