@@ -1,1 +1,3 @@
 //! Volumetric photon mapping for smoke, clouds, fog and fire stored in OpenVDB files.
+
+pub mod vdb;
