@@ -24,3 +24,4 @@ pub mod spectrum;
 pub mod tone;
 pub mod tracking;
 pub mod world;
+pub mod vdb;
