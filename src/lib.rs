@@ -23,5 +23,5 @@ pub mod scene;
 pub mod spectrum;
 pub mod tone;
 pub mod tracking;
-pub mod world;
 pub mod vdb;
+pub mod world;

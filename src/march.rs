@@ -161,6 +161,22 @@ impl<S: Spectrum> Profile<S> {
         self.optical_depth(t).map(|tau| (-tau).exp())
     }
 
+    /// Transmittance from the ray's start to t, and the density of one medium there.
+    #[inline]
+    #[must_use]
+    pub fn transmittance_and_density(&self, t: f32, medium: usize) -> (S, f32) {
+        let mut tau = S::ZERO;
+        let mut density = 0.0;
+        for profile in &self.media[..self.used] {
+            let (a, b, s) = profile.locate(t);
+            tau += profile.sigma_t * hermite(a, b, s);
+            if profile.medium == medium && (a.t..=b.t).contains(&t) {
+                density = slope(a, b, s);
+            }
+        }
+        (tau.map(|tau| (-tau).exp()), density)
+    }
+
     /// Optical depth from the ray's start to t.
     #[inline]
     #[must_use]
@@ -422,12 +438,7 @@ impl<S: Spectrum> MediumProfile<S> {
     #[inline]
     fn density(&self, t: f32) -> f32 {
         let (a, b, s) = self.locate(t);
-        if !(a.t..=b.t).contains(&t) || a.t == b.t {
-            return 0.0;
-        }
-        let slope = (b.depth - a.depth) / (b.t - a.t);
-        let bump = 6.0 * s * (1.0 - s) * (slope - 0.5 * (a.density + b.density));
-        ((b.density - a.density).mul_add(s, a.density) + bump).max(0.0)
+        if (a.t..=b.t).contains(&t) { slope(a, b, s) } else { 0.0 }
     }
 
     /// Where the integral of the density reaches `depth`.
@@ -451,10 +462,7 @@ impl<S: Spectrum> MediumProfile<S> {
             } else {
                 low = s;
             }
-            let slope = (b.depth - a.depth) / length;
-            let bump = 6.0 * s * (1.0 - s) * (slope - 0.5 * (a.density + b.density));
-            let density = (b.density - a.density).mul_add(s, a.density) + bump;
-            let next = s - error / (density * length);
+            let next = s - error / (slope(a, b, s) * length);
             s = if next > low && next < high {
                 next
             } else {
@@ -475,4 +483,16 @@ fn hermite(a: Knot, b: Knot, s: f32) -> f32 {
     let cubic = start + end - 2.0 * rise;
     let square = rise - start - cubic;
     s.mul_add(s.mul_add(s.mul_add(cubic, square), start), a.depth)
+}
+
+/// Slope of [`hermite`]: the density. 0 between knots that share t.
+#[inline]
+fn slope(a: Knot, b: Knot, s: f32) -> f32 {
+    let length = b.t - a.t;
+    if length <= 0.0 {
+        return 0.0;
+    }
+    let mean = (b.depth - a.depth) / length;
+    let bump = 6.0 * s * (1.0 - s) * (mean - 0.5 * (a.density + b.density));
+    ((b.density - a.density).mul_add(s, a.density) + bump).max(0.0)
 }

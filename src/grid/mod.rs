@@ -20,6 +20,7 @@
 //! the apron as in brick atlases of GVDB (Hoetzlein 2016).
 
 pub mod build;
+pub mod load;
 pub mod majorant;
 pub mod walk;
 

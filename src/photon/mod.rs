@@ -103,13 +103,15 @@ impl Heading for Packed {
     }
 }
 
-/// A photon at a collision. 20 bytes grey and isotropic, 32 chromatic and anisotropic.
+/// A photon at a collision. 24 bytes grey and isotropic, 36 chromatic and anisotropic.
 #[derive(Debug, Clone, Copy)]
 pub struct Photon<S, H> {
     /// Where it collided. \[m\]
     pub position: Vec3,
     /// Radius of its kernel; 0 until the map sets it. \[m\]
     pub radius: f32,
+    /// Density of its medium where it collided.
+    pub density: f32,
     /// Albedo times the power it arrived with. \[W\]
     pub power: S,
     /// Direction of travel before the collision.
@@ -319,9 +321,11 @@ fn trace_one<S: Spectrum, H: Heading>(
         let scattered = arriving * medium.albedo;
         if (order > 1 || keep_first) && !scattered.is_zero() {
             let heading = H::keep(ray.direction, collision.medium);
+            out.counters.density_lookups += 1;
             let photon = Photon {
                 position,
                 radius: 0.0,
+                density: medium.density(position),
                 power: scattered,
                 heading,
             };
