@@ -14,6 +14,7 @@ import argparse
 import time
 from pathlib import Path
 
+import cumulus
 import smoke
 import vdbout
 
@@ -26,6 +27,10 @@ def halved(cells):
 def make_smoke(folder, coarse):
     for frame in smoke.write(folder, halved(smoke.CELLS) if coarse else smoke.CELLS):
         print(f"smoke: frame {frame} of {smoke.FRAMES}", flush=True)
+
+
+def make_cumulus(folder, coarse):
+    cumulus.write(folder / "cumulus.vdb", halved(cumulus.CELLS) if coarse else cumulus.CELLS)
 
 
 def table(folder):
@@ -44,7 +49,7 @@ def _number(value):
     return " ".join(f"{v:.3g}" for v in values)
 
 
-MAKERS = {"smoke": make_smoke}
+MAKERS = {"smoke": make_smoke, "cumulus": make_cumulus}
 
 
 def main():

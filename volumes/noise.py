@@ -26,7 +26,7 @@ LACUNARITY = 2.03
 @njit(cache=True)
 def _hash(i, j, k, seed):
     """Integer lattice point and seed to a well mixed 32-bit integer."""
-    h = (i * 374761393 + j * 668265263 + k * 2147483647 + seed * 974634533) & 0xFFFFFFFF
+    h = (i * 374761393 + j * 668265263 + k * 1442695041 + seed * 974634533) & 0xFFFFFFFF
     h = ((h ^ (h >> 15)) * 2246822519) & 0xFFFFFFFF
     h = ((h ^ (h >> 13)) * 3266489917) & 0xFFFFFFFF
     return h ^ (h >> 16)

@@ -24,17 +24,17 @@ CELLS = (128, 256, 128)
 H = 0.0085  # cell size [m]
 CORNER = (-64 * H, 0.0, -64 * H)  # world position of the grid's lower corner [m]
 
-BALL_CENTRE = (0.02, 0.75, 0.0)  # [m]; a little off the axis, so the plume parts unevenly
+BALL_CENTRE = (0.03, 0.75, 0.01)  # [m]; a little off the axis, so the plume parts unevenly
 BALL_RADIUS = 0.16  # [m]
 
-PLATE_HEIGHT, PLATE_RADIUS, PLATE_THICKNESS = 0.10, 0.13, 0.03  # [m]
-PLATE_SPEED = 0.35  # [m/s]
-HEAT = 110.0  # [K]
+PLATE_HEIGHT, PLATE_RADIUS, PLATE_THICKNESS = 0.10, 0.10, 0.03  # [m]
+PLATE_SPEED = 1.0  # [m/s]
+HEAT = 150.0  # [K]
 BETA = 9.81 / 293.0
 ALPHA = 0.25
 EPSILON = 0.25  # confinement; at 0 detail dies above the ball, at 1 it boils like a fluid of its own
 CFL = 3.5
-FRAME = 0.42  # time between written frames [s]
+FRAME = 0.36  # time between written frames [s]
 FRAMES = 6
 THRESHOLD = 0.006  # density below which a voxel is left out
 
