@@ -1,0 +1,1 @@
+//! How surfaces scatter: energy, reciprocity, densities.
