@@ -84,7 +84,7 @@ impl Spectrum for f32 {
     fn exp(self) -> Self {
         self.exp()
     }
-    fn map(self, f: impl Fn(f32) -> f32) -> Self {
+    fn map(self, f: impl Fn(Self) -> Self) -> Self {
         f(self)
     }
     fn is_finite(self) -> bool {

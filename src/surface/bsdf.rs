@@ -295,7 +295,7 @@ impl Bsdf {
                     return 0.0;
                 };
                 let v_m = v.dot(m);
-                let (r, _) = fresnel::dielectric(v_m.min(1.0), arrival.eta);
+                let r = facet_reflectance(v_m, l.dot(m), l.z, arrival.eta);
                 if l.z > 0.0 {
                     r * ggx.visible(v, m) / (4.0 * v_m)
                 } else {
@@ -325,7 +325,7 @@ impl Bsdf {
                     return Rgb::ZERO;
                 };
                 let (v_m, l_m) = (v.dot(m), l.dot(m));
-                let (r, _) = fresnel::dielectric(v_m.min(1.0), arrival.eta);
+                let r = facet_reflectance(v_m, l_m, l.z, arrival.eta);
                 let facets = ggx.d(m) * ggx.g2(v, l) / (v.z * l.z.abs());
                 Rgb::splat(if l.z > 0.0 {
                     0.25 * r * facets
@@ -405,6 +405,15 @@ fn facet(v: Vec3, l: Vec3, eta: f32) -> Option<Vec3> {
     let m = if m.z < 0.0 { -m } else { m };
     let seen = v.dot(m) > 0.0 && (l.dot(m) > 0.0) == (l.z > 0.0);
     (seen && m.z > 0.0).then_some(m)
+}
+
+/// Fresnel reflectance at a facet that turns v into l.
+fn facet_reflectance(v_m: f32, l_m: f32, l_z: f32, eta: f32) -> f32 {
+    if l_z > 0.0 {
+        fresnel::dielectric(v_m.min(1.0), eta).0
+    } else {
+        fresnel::between(v_m.min(1.0), l_m.abs(), eta)
+    }
 }
 
 /// d omega_m / d omega_l of refraction: Walter 2007, eq. 17.

@@ -21,10 +21,16 @@ pub(super) fn dielectric(cos_i: f32, eta: f32) -> (f32, f32) {
         return (1.0, 0.0);
     }
     let cos_t = cos_t_squared.sqrt();
+    (between(cos_i, cos_t, eta), cos_t)
+}
+
+/// Reflectance of a dielectric where both cosines are known: close to the critical angle this is
+/// far more exact than finding one from the other.
+#[inline]
+pub(super) fn between(cos_i: f32, cos_t: f32, eta: f32) -> f32 {
     let perpendicular = (cos_i - eta * cos_t) / (cos_i + eta * cos_t);
     let parallel = (eta * cos_i - cos_t) / (eta * cos_i + cos_t);
-    let r = 0.5 * (perpendicular * perpendicular + parallel * parallel);
-    (r, cos_t)
+    0.5 * (perpendicular * perpendicular + parallel * parallel)
 }
 
 /// Reflectance of a conductor, channel by channel.
