@@ -58,12 +58,10 @@ pub enum MeshError {
         what: String,
     },
     /// No triangle in it.
-    #[error("mesh {}: has {vertices} vertices but no triangles", file.display())]
+    #[error("mesh {}: has no triangles", file.display())]
     Empty {
         /// The mesh.
         file: PathBuf,
-        /// How many corners it has.
-        vertices: usize,
     },
     /// A corner, normal or texture coordinate that is not a number.
     #[error("mesh {}: {what} of vertex {index} (counted from 0) is {value}", file.display())]
@@ -117,10 +115,7 @@ impl Mesh {
 
     fn checked(mut self, file: &Path) -> Result<Self, MeshError> {
         if self.triangles.is_empty() {
-            return Err(MeshError::Empty {
-                file: file.into(),
-                vertices: self.positions.len(),
-            });
+            return Err(MeshError::Empty { file: file.into() });
         }
         let not_finite = |what, index, value: &dyn std::fmt::Display| MeshError::NotFinite {
             file: file.into(),

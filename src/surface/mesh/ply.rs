@@ -77,12 +77,24 @@ impl PropertyAccess for Face {
 }
 
 pub(super) fn load(file: &Path) -> Result<Mesh, MeshError> {
-    let mut reader = Reader::new(open(file)?);
+    let opened = open(file)?;
+    let length = opened.get_ref().metadata().map_or(u64::MAX, |m| m.len());
+    let mut reader = Reader::new(opened);
     let header = Parser::<Vertex>::new()
         .read_header(&mut reader)
         .map_err(|e| malformed(file, e))?;
     let mut mesh = Mesh::default();
     for (_, element) in &header.elements {
+        // Each takes a byte at least; what claims more is refused before it is allocated.
+        if element.count as u64 > length || (element.properties.is_empty() && element.count > 0) {
+            return Err(malformed(
+                file,
+                format!(
+                    "{} of `{}` do not fit a file of {length} bytes",
+                    element.count, element.name
+                ),
+            ));
+        }
         let has = |name: &str| element.properties.contains_key(name);
         match element.name.as_str() {
             "vertex" => {

@@ -6,7 +6,10 @@ use rand::{Rng, SeedableRng};
 use vpm_vdb::scene::{Material, Object, Rgb, Shape};
 use vpm_vdb::surface::Surfaces;
 
+mod emission;
 mod geometry;
+mod interiors;
+mod loading;
 mod scattering;
 
 /// A uniform in [0, 1) with 24 bits.
