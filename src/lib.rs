@@ -25,3 +25,4 @@ pub mod tone;
 pub mod tracking;
 pub mod vdb;
 pub mod world;
+pub mod surface;

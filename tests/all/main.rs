@@ -2,3 +2,4 @@
 
 mod vdb_corpus;
 mod vdb_files;
+mod surface;
