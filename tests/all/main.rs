@@ -1,4 +1,5 @@
 //! All integration tests in one binary.
 
+mod vdb_bad;
 mod vdb_corpus;
 mod vdb_files;
