@@ -23,6 +23,7 @@ pub mod scene;
 pub mod spectrum;
 pub mod tone;
 pub mod tracking;
+pub mod info;
 pub mod vdb;
 pub mod world;
 pub mod surface;

@@ -13,6 +13,7 @@
 //!
 //! A fault inside one grid refuses that grid; the others still load.
 
+use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
 use glam::DMat4;
@@ -21,6 +22,7 @@ use super::bytes::Cursor;
 use super::codec::Compression;
 use super::error::{Fault, VdbError};
 use super::metadata::Metadata;
+use super::opener;
 use super::transform::Map;
 use super::tree::{Tree, TreePlace, for_stored_type};
 use super::value::ValueType;
@@ -348,8 +350,43 @@ impl Archive {
                 }
             }
         }
+        self.open_checked(bytes)?;
         self.number_equal_names();
         self.connect_instances();
+        Ok(())
+    }
+
+    /// Takes descriptors and metadata from vdb-rs where that reads the file safely.
+    fn open_checked(&mut self, bytes: &[u8]) -> Result<(), Fault> {
+        let damaged = |g: &GridHeader| matches!(g.refused, Some(Refusal::Damaged(_)));
+        let names: HashSet<&str> = self.grids.iter().map(|g| g.unique_name.as_str()).collect();
+        let repeated = names.len() < self.grids.len();
+        if self.version.streamed || repeated || self.grids.iter().any(damaged) {
+            return Ok(());
+        }
+        let Some(mut opened) = opener::open(bytes) else {
+            return Ok(());
+        };
+        self.metadata = opened.metadata;
+        for grid in &mut self.grids {
+            let read = opened.grids.remove(&grid.unique_name).filter(|read| {
+                read.type_name
+                    .strip_suffix(HALF_SUFFIX)
+                    .unwrap_or(&read.type_name)
+                    == grid.type_name
+                    && read.instance_of == grid.instance_of.as_deref().unwrap_or_default()
+                    && read.compression == grid.compression.bits()
+            });
+            let read = read.ok_or_else(|| {
+                let what = format!(
+                    "two readings of the descriptor of grid `{}` differ",
+                    grid.name
+                );
+                Fault::damaged(0, what)
+            })?;
+            grid.metadata = read.metadata;
+            grid.class = GridClass::from_metadata(&grid.metadata);
+        }
         Ok(())
     }
 
@@ -459,7 +496,7 @@ impl Archive {
     }
 
     fn number_equal_names(&mut self) {
-        let mut seen = std::collections::HashMap::new();
+        let mut seen = HashMap::new();
         for grid in &mut self.grids {
             let count = seen.entry(grid.name.clone()).or_insert(0);
             grid.ordinal = *count;
@@ -469,7 +506,7 @@ impl Archive {
 
     /// Gives each instance the place of the tree that it shows.
     fn connect_instances(&mut self) {
-        let by_name: std::collections::HashMap<String, usize> = self
+        let by_name: HashMap<String, usize> = self
             .grids
             .iter()
             .enumerate()
@@ -527,11 +564,10 @@ fn check_magic(bytes: &[u8]) -> Result<(), Fault> {
     }
     let found = match &bytes[..bytes.len().min(4)] {
         [] => "it is empty".to_owned(),
-        first => first
-            .iter()
-            .map(|b| format!("{b:02x}"))
-            .collect::<Vec<_>>()
-            .join(" "),
+        first => {
+            let hex: Vec<String> = first.iter().map(|b| format!("{b:02x}")).collect();
+            format!("it begins with {}", hex.join(" "))
+        }
     };
     Err(Fault::NotVdb { found })
 }

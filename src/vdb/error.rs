@@ -46,9 +46,9 @@ pub enum Fault {
     )]
     NanoVdb,
     /// Not a .vdb file at all.
-    #[error("is not an OpenVDB file: it begins with {found}, a .vdb begins with 20 42 44 56")]
+    #[error("is not an OpenVDB file: {found}, a .vdb begins with 20 42 44 56")]
     NotVdb {
-        /// The first bytes in hexadecimal, or a description.
+        /// What its first bytes are.
         found: String,
     },
     /// A file version that no rule here covers.

@@ -2,6 +2,8 @@
 //!
 //! Unknown types are skipped by their length. A known type of fixed size must have that length.
 
+use std::collections::BTreeMap;
+
 use super::bytes::Cursor;
 use super::error::Fault;
 
@@ -35,14 +37,14 @@ pub enum MetaValue {
     },
 }
 
-/// The metadata of a file or grid, in the file's order.
+/// The metadata of a file or grid by name; of equal names the last counts, as in OpenVDB.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Metadata(pub Vec<(String, MetaValue)>);
+pub struct Metadata(pub BTreeMap<String, MetaValue>);
 
 impl Metadata {
-    /// The value of that name; of several, the last, as in OpenVDB.
+    /// The value of that name.
     pub fn get(&self, name: &str) -> Option<&MetaValue> {
-        self.0.iter().rev().find(|(n, _)| n == name).map(|(_, v)| v)
+        self.0.get(name)
     }
 
     /// A string value of that name.
@@ -55,7 +57,7 @@ impl Metadata {
 
     pub(crate) fn read(c: &mut Cursor<'_>) -> Result<Self, Fault> {
         let count = c.u32("metadata count")?;
-        let mut entries = Vec::new();
+        let mut entries = BTreeMap::new();
         for _ in 0..count {
             let name = c.string("metadata name")?;
             let type_name = c.string("metadata type")?;
@@ -68,7 +70,7 @@ impl Metadata {
                     format!("metadata `{name}` of type {type_name} has {length} bytes"),
                 )
             })?;
-            entries.push((name, value));
+            entries.insert(name, value);
         }
         Ok(Self(entries))
     }
@@ -76,7 +78,7 @@ impl Metadata {
 
 impl MetaValue {
     /// `None` where a type of fixed size has another length.
-    fn parse(type_name: &str, raw: &[u8]) -> Option<Self> {
+    pub(crate) fn parse(type_name: &str, raw: &[u8]) -> Option<Self> {
         Some(match type_name {
             "string" => Self::String(String::from_utf8_lossy(raw).into_owned()),
             "bool" => Self::Bool(u8::from_le_bytes(raw.try_into().ok()?) != 0),

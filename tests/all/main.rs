@@ -1,5 +1,6 @@
 //! All integration tests in one binary.
 
+mod vdb_bad;
 mod vdb_corpus;
 mod vdb_files;
 mod surface;
