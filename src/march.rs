@@ -438,7 +438,11 @@ impl<S: Spectrum> MediumProfile<S> {
     #[inline]
     fn density(&self, t: f32) -> f32 {
         let (a, b, s) = self.locate(t);
-        if (a.t..=b.t).contains(&t) { slope(a, b, s) } else { 0.0 }
+        if (a.t..=b.t).contains(&t) {
+            slope(a, b, s)
+        } else {
+            0.0
+        }
     }
 
     /// Where the integral of the density reaches `depth`.

@@ -27,9 +27,14 @@ pub fn trace_path<S: Spectrum>(world: &World<S>, camera_ray: Ray, sampler: &mut 
     let mut throughput = S::ONE;
     let mut hero = Hero::choose(&mut sampler.rng);
     for order in 0..=world.max_bounces {
-        let light = if order == 0 { world.seen_light(&ray, f32::INFINITY) } else { None };
+        let light = if order == 0 {
+            world.seen_light(&ray, f32::INFINITY)
+        } else {
+            None
+        };
         let t_max = light.map_or(f32::INFINITY, |(t, _)| t);
-        let Some(collision) = sample_free_flight(&world.media, &ray, t_max, &mut hero, sampler) else {
+        let Some(collision) = sample_free_flight(&world.media, &ray, t_max, &mut hero, sampler)
+        else {
             // Lights are sampled at collisions; scattered paths meet the sky alone.
             let met = match (light, order) {
                 (Some((t, l)), _) => {
@@ -51,7 +56,11 @@ pub fn trace_path<S: Spectrum>(world: &World<S>, camera_ray: Ray, sampler: &mut 
         }
         if let Some(emission) = &medium.emission {
             let l_e = S::from_rgb(emission.radiance_at(position));
-            add(&mut radiance, order, throughput * hero.weight() * (S::ONE - medium.albedo) * l_e);
+            add(
+                &mut radiance,
+                order,
+                throughput * hero.weight() * (S::ONE - medium.albedo) * l_e,
+            );
         }
         if order == world.max_bounces {
             break;
@@ -63,7 +72,10 @@ pub fn trace_path<S: Spectrum>(world: &World<S>, camera_ray: Ray, sampler: &mut 
         if let Some((light, probability)) = pick_light(world, sampler)
             && let Some(sample) = light.sample(position, sampler.uniform2())
         {
-            let shadow = Ray { origin: position, direction: sample.direction };
+            let shadow = Ray {
+                origin: position,
+                direction: sample.direction,
+            };
             let phase = medium.phase.p(ray.direction, sample.direction);
             let tr: S = transmittance(&world.media, &shadow, sample.distance, sampler);
             let l = throughput * hero.weight() * sample.value * tr * (phase / probability);
@@ -77,7 +89,10 @@ pub fn trace_path<S: Spectrum>(world: &World<S>, camera_ray: Ray, sampler: &mut 
             throughput *= ROULETTE_BELOW / most;
         }
         let direction = medium.phase.sample(ray.direction, sampler.uniform2());
-        ray = Ray { origin: position, direction };
+        ray = Ray {
+            origin: position,
+            direction,
+        };
     }
     radiance
 }
@@ -93,11 +108,19 @@ fn add<S: Spectrum>(sample: &mut Sample, order: u32, l: S) {
 }
 
 /// One of the lights that are sampled, each with the same probability.
-fn pick_light<'a, S: Spectrum>(world: &'a World<S>, sampler: &mut Sampler) -> Option<(&'a Light<S>, f32)> {
+fn pick_light<'a, S: Spectrum>(
+    world: &'a World<S>,
+    sampler: &mut Sampler,
+) -> Option<(&'a Light<S>, f32)> {
     let count = world.lights.iter().filter(|l| !l.is_sky()).count() as u32;
     if count == 0 {
         return None;
     }
     let index = sampler.rng.below(count) as usize;
-    world.lights.iter().filter(|l| !l.is_sky()).nth(index).map(|l| (l, 1.0 / count as f32))
+    world
+        .lights
+        .iter()
+        .filter(|l| !l.is_sky())
+        .nth(index)
+        .map(|l| (l, 1.0 / count as f32))
 }

@@ -51,7 +51,10 @@ pub struct Exec<'a> {
 
 impl std::fmt::Debug for Exec<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Exec").field("threads", &self.threads).field("time_limit", &self.time_limit).finish_non_exhaustive()
+        f.debug_struct("Exec")
+            .field("threads", &self.threads)
+            .field("time_limit", &self.time_limit)
+            .finish_non_exhaustive()
     }
 }
 
@@ -103,7 +106,10 @@ pub fn render(scene: &Scene, exec: &Exec<'_>) -> Result<Rendered, RenderError> {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
         .build()
-        .map_err(|e| RenderError::Threads { threads, reason: e.to_string() })?;
+        .map_err(|e| RenderError::Threads {
+            threads,
+            reason: e.to_string(),
+        })?;
     pool.install(|| {
         let start = Instant::now();
         check_supported(scene)?;
@@ -139,13 +145,24 @@ pub fn plan(scene: &Scene, warn: &dyn Fn(&str)) -> Result<EffectPlan, RenderErro
 /// Refuses, by name, what this version does not render.
 fn check_supported(scene: &Scene) -> Result<(), RenderError> {
     if let Some(object) = scene.objects.first() {
-        return Err(RenderError::Unsupported(format!("object '{}': surfaces are not rendered yet", object.name)));
+        return Err(RenderError::Unsupported(format!(
+            "object '{}': surfaces are not rendered yet",
+            object.name
+        )));
     }
-    if scene.lights.iter().any(|l| matches!(l, crate::scene::Light::SkyImage { .. })) {
-        return Err(RenderError::Unsupported("sky light: pictures of the sky are not rendered yet".to_owned()));
+    if scene
+        .lights
+        .iter()
+        .any(|l| matches!(l, crate::scene::Light::SkyImage { .. }))
+    {
+        return Err(RenderError::Unsupported(
+            "sky light: pictures of the sky are not rendered yet".to_owned(),
+        ));
     }
     if scene.settings.method == Method::Point {
-        return Err(RenderError::Unsupported("method 'point' is not rendered yet".to_owned()));
+        return Err(RenderError::Unsupported(
+            "method 'point' is not rendered yet".to_owned(),
+        ));
     }
     let media = scene.volumes.len() + scene.fogs.len();
     if media > crate::photon::MAX_MEDIA {
@@ -192,11 +209,25 @@ fn run<S: Spectrum, H: Heading>(
     let world = World::new(scene, volumes);
     tally.times.build = clock.elapsed().as_secs_f64();
     let lights = DirectLights::new(&world);
-    let grid = TileGrid { low: [x0, y0], high: [x1, y1] };
-    let job = Job { scene, world, plan, exec, grid, lights };
+    let grid = TileGrid {
+        low: [x0, y0],
+        high: [x1, y1],
+    };
+    let job = Job {
+        scene,
+        world,
+        plan,
+        exec,
+        grid,
+        lights,
+    };
     let mut film = Film::new(width, height, settings.crop);
 
-    let radii = if plan.photons { Some(pilot::<S, H>(&job, &mut tally)) } else { None };
+    let radii = if plan.photons {
+        Some(pilot::<S, H>(&job, &mut tally))
+    } else {
+        None
+    };
     let passes = match settings.method {
         Method::Path => settings.spp.div_ceil(PATHS_PER_PASS),
         Method::Beam | Method::Point => settings.passes,
@@ -219,7 +250,9 @@ fn run<S: Spectrum, H: Heading>(
         }
         let samples = match (&radii, settings.method) {
             (_, Method::Path) => path_pass(&job, pass, &mut tally),
-            (radii, _) => with_kernel!(settings.kernel, K => beam_pass::<S, H, K>(&job, radii.as_ref(), pass, &mut tally)),
+            (radii, _) => {
+                with_kernel!(settings.kernel, K => beam_pass::<S, H, K>(&job, radii.as_ref(), pass, &mut tally))
+            }
         };
         film.add_pass(&samples);
         pass += 1;
@@ -249,7 +282,12 @@ fn run<S: Spectrum, H: Heading>(
         image: ImageFigures::from(&film),
         ..Report::default()
     };
-    Rendered { film, report, energy: tally.energy, stopped_early }
+    Rendered {
+        film,
+        report,
+        energy: tally.energy,
+        stopped_early,
+    }
 }
 
 /// Radii from a pilot estimate.
@@ -266,13 +304,25 @@ fn pilot<S: Spectrum, H: Heading>(job: &Job<'_, S>, tally: &mut Tally) -> Radius
     };
     let few = trace_photons::<S, H>(&job.world, &trace);
     let per_photon = few.stored() as f64 / trace.emit as f64;
-    trace.emit = ((PILOT_STORED as f64 / per_photon.max(1e-3)) as u64).min(PILOT_EMITTED).clamp(1, settings.photons);
-    let Photons { first, higher, counters, .. } = trace_photons::<S, H>(&job.world, &trace);
+    trace.emit = ((PILOT_STORED as f64 / per_photon.max(1e-3)) as u64)
+        .min(PILOT_EMITTED)
+        .clamp(1, settings.photons);
+    let Photons {
+        first,
+        higher,
+        counters,
+        ..
+    } = trace_photons::<S, H>(&job.world, &trace);
     tally.counters += few.counters;
     tally.counters += counters;
     let positions = first.iter().chain(&higher).map(|p| p.position).collect();
     let ratio = settings.photons as f32 / trace.emit as f32;
-    let field = RadiusField::new(positions, settings.neighbours as f32, ratio, radius_limits(&job.world));
+    let field = RadiusField::new(
+        positions,
+        settings.neighbours as f32,
+        ratio,
+        radius_limits(&job.world),
+    );
     tally.times.map += clock.elapsed().as_secs_f64();
     field
 }
@@ -283,7 +333,11 @@ fn pilot<S: Spectrum, H: Heading>(job: &Job<'_, S>, tally: &mut Tally) -> Radius
 /// blurs what the grid resolves. At least what f32 positions resolve.
 fn radius_limits<S: Spectrum>(world: &World<S>) -> [f32; 2] {
     let extent = world.bounds.radius();
-    let voxel = world.media.iter().map(|m| m.voxel_size().unwrap_or(f32::INFINITY)).fold(0.0, f32::max);
+    let voxel = world
+        .media
+        .iter()
+        .map(|m| m.voxel_size().unwrap_or(f32::INFINITY))
+        .fold(0.0, f32::max);
     let high = (0.1 * extent).min(8.0 * voxel);
     [(1e-5 * extent).min(high), high]
 }
@@ -318,7 +372,9 @@ fn beam_pass<S: Spectrum, H: Heading, K: KernelShape>(
         let scale = radius_scale(pass, 2);
         photons = [traced.first, traced.higher];
         for photon in &mut photons {
-            photon.par_iter_mut().for_each(|p| p.radius = radii.at(p.position) * scale);
+            photon
+                .par_iter_mut()
+                .for_each(|p| p.radius = radii.at(p.position) * scale);
         }
         tally.times.map += clock.elapsed().as_secs_f64();
     }
@@ -335,7 +391,9 @@ fn beam_pass<S: Spectrum, H: Heading, K: KernelShape>(
 
     let clock = Instant::now();
     let height = u64::from(job.grid.high[1] - job.grid.low[1]);
-    job.exec.progress.stage(&format!("pass {}", pass + 1), Some(height));
+    job.exec
+        .progress
+        .stage(&format!("pass {}", pass + 1), Some(height));
     let bands: Vec<(Vec<Sample>, Counters)> = (0..job.grid.bands())
         .into_par_iter()
         .map_init(TileRays::default, |rays, band| {
@@ -393,9 +451,20 @@ fn beam_band<S: Spectrum, H: Heading, K: KernelShape>(
                 let pixel = [grid.low[0] + x, grid.low[1] + band * TILE + y];
                 let index = u64::from(pixel[1]) << 32 | u64::from(pixel[0]);
                 let stream = u64::from(pass) * u64::from(spp) + u64::from(s);
-                let mut sampler =
-                    Sampler::new(Rng::stream(job.scene.settings.seed, Stage::Camera, stream, index));
-                camera_ray(job, pixel, &mut rays.rays[i], &mut rays.profiles[i], &mut sum[i], &mut sampler);
+                let mut sampler = Sampler::new(Rng::stream(
+                    job.scene.settings.seed,
+                    Stage::Camera,
+                    stream,
+                    index,
+                ));
+                camera_ray(
+                    job,
+                    pixel,
+                    &mut rays.rays[i],
+                    &mut rays.profiles[i],
+                    &mut sum[i],
+                    &mut sampler,
+                );
                 if let Gather::Rays(maps) = gather {
                     for (map, photons) in maps.iter().zip(&mut photon_sums) {
                         photons[i] += beam::radiance::<S, H, K>(
@@ -411,7 +480,9 @@ fn beam_band<S: Spectrum, H: Heading, K: KernelShape>(
             }
             if let (Gather::Tiles(maps), Some(tiles)) = (gather, &tiles) {
                 rays.arrange(&used);
-                for ((photons, _), (tile, sums)) in maps.iter().zip(tiles.iter().zip(&mut photon_sums)) {
+                for ((photons, _), (tile, sums)) in
+                    maps.iter().zip(tiles.iter().zip(&mut photon_sums))
+                {
                     rays.gather::<H, K>(
                         &job.world.media,
                         job.world.camera.position,
@@ -447,7 +518,13 @@ struct Sum {
 
 impl Default for Sum {
     fn default() -> Self {
-        Self { sample: Sample { depth: 0.0, ..Sample::NOTHING }, met: 0 }
+        Self {
+            sample: Sample {
+                depth: 0.0,
+                ..Sample::NOTHING
+            },
+            met: 0,
+        }
     }
 }
 
@@ -459,7 +536,11 @@ impl Sum {
             indirect: self.sample.indirect * w,
             emission: self.sample.emission * w,
             alpha: self.sample.alpha * w,
-            depth: if self.met > 0 { self.sample.depth / self.met as f32 } else { f32::INFINITY },
+            depth: if self.met > 0 {
+                self.sample.depth / self.met as f32
+            } else {
+                f32::INFINITY
+            },
         }
     }
 }
@@ -475,11 +556,23 @@ fn camera_ray<S: Spectrum>(
 ) {
     let world = &job.world;
     let [jx, jy] = sampler.uniform2();
-    let lens = if world.camera.is_pinhole() { [0.0; 2] } else { sampler.uniform2() };
-    *ray = world.camera.ray([pixel[0] as f32 + jx, pixel[1] as f32 + jy], lens);
+    let lens = if world.camera.is_pinhole() {
+        [0.0; 2]
+    } else {
+        sampler.uniform2()
+    };
+    *ray = world
+        .camera
+        .ray([pixel[0] as f32 + jx, pixel[1] as f32 + jy], lens);
     let light = world.seen_light(ray, f32::INFINITY);
     let t_max = light.map_or(f32::INFINITY, |(t, _)| t);
-    profile.march(&world.media, ray, t_max, job.scene.settings.march, &mut sampler.counters);
+    profile.march(
+        &world.media,
+        ray,
+        t_max,
+        job.scene.settings.march,
+        &mut sampler.counters,
+    );
     let behind = light.map_or_else(|| world.background(ray.direction), |(_, l)| l);
     let mut l = profile.transmittance * behind;
     if job.plan.emission {
@@ -489,12 +582,20 @@ fn camera_ray<S: Spectrum>(
     if job.plan.direct {
         sum.sample.direct += job.lights.radiance(world, ray, profile, sampler).to_rgb();
     }
-    let alpha = if light.is_some() { 1.0 } else { 1.0 - profile.transmittance.mean() };
+    let alpha = if light.is_some() {
+        1.0
+    } else {
+        1.0 - profile.transmittance.mean()
+    };
     sum.sample.alpha += alpha;
     if alpha > 0.0 {
         // Where half of what is seen lies in front.
         let half = -(-0.5 * (1.0 - profile.transmittance.channel(0))).ln_1p();
-        sum.sample.depth += if profile.is_clear() { t_max } else { profile.distance_at(half, 0) };
+        sum.sample.depth += if profile.is_clear() {
+            t_max
+        } else {
+            profile.distance_at(half, 0)
+        };
         sum.met += 1;
     }
 }
@@ -503,7 +604,9 @@ fn camera_ray<S: Spectrum>(
 fn path_pass<S: Spectrum>(job: &Job<'_, S>, pass: u32, tally: &mut Tally) -> Vec<Sample> {
     let clock = Instant::now();
     let ([x0, y0], [x1, y1]) = (job.grid.low, job.grid.high);
-    job.exec.progress.stage(&format!("pass {}", pass + 1), Some(u64::from(y1 - y0)));
+    job.exec
+        .progress
+        .stage(&format!("pass {}", pass + 1), Some(u64::from(y1 - y0)));
     let rows: Vec<(Vec<Sample>, Counters)> = (y0..y1)
         .into_par_iter()
         .map(|y| {
@@ -511,12 +614,20 @@ fn path_pass<S: Spectrum>(job: &Job<'_, S>, pass: u32, tally: &mut Tally) -> Vec
             let row = (x0..x1)
                 .map(|x| {
                     let index = u64::from(y) << 32 | u64::from(x);
-                    let mut sampler =
-                        Sampler::new(Rng::stream(job.scene.settings.seed, Stage::Path, pass.into(), index));
+                    let mut sampler = Sampler::new(Rng::stream(
+                        job.scene.settings.seed,
+                        Stage::Path,
+                        pass.into(),
+                        index,
+                    ));
                     let mut sum = Sum::default();
                     for _ in 0..PATHS_PER_PASS {
                         let [jx, jy] = sampler.uniform2();
-                        let lens = if job.world.camera.is_pinhole() { [0.0; 2] } else { sampler.uniform2() };
+                        let lens = if job.world.camera.is_pinhole() {
+                            [0.0; 2]
+                        } else {
+                            sampler.uniform2()
+                        };
                         let ray = job.world.camera.ray([x as f32 + jx, y as f32 + jy], lens);
                         let path = trace_path(&job.world, ray, &mut sampler);
                         sum.sample.direct += path.direct;

@@ -37,7 +37,8 @@ use crate::tracking::Counters;
 
 /// Largest ratio of densities that a photon bridges. Lower: rays through dense spots next to thin
 /// ones lose light; higher: rare photons weigh that much more than their neighbours.
-pub static MAXC: std::sync::LazyLock<f32> = std::sync::LazyLock::new(|| std::env::var("MAXC").map_or(8.0, |s| s.parse().unwrap()));
+pub const MAX_CONTRAST: f32 = 64.0;
+    std::sync::LazyLock::new(|| std::env::var("MAXC").map_or(8.0, |s| s.parse().unwrap()));
 
 /// What one photon adds: T albedo p Phi K. \[W/(m2 sr)\]
 #[inline]
@@ -60,7 +61,7 @@ pub fn contribution<S: Spectrum, H: Heading, K: KernelShape>(
         ISOTROPIC
     };
     let (tr, density) = profile.transmittance_and_density(t, medium);
-    let contrast = (density / photon.density).min(*MAXC);
+    let contrast = (density / photon.density).min(MAX_CONTRAST);
     tr * photon.power * (kernel * phase * contrast)
 }
 

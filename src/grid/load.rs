@@ -43,7 +43,9 @@ pub enum LoadError {
         has: String,
     },
     /// A level set asked for as density.
-    #[error("{file}: grid `{grid}` is a level set (distances), not a density; convert = \"level_set\" fills its inside with fog")]
+    #[error(
+        "{file}: grid `{grid}` is a level set (distances), not a density; convert = \"level_set\" fills its inside with fog"
+    )]
     LevelSet {
         /// File.
         file: String,
@@ -51,7 +53,9 @@ pub enum LoadError {
         grid: String,
     },
     /// Values that a strict scene refuses.
-    #[error("{file}: grid `{grid}` has {negative} negative values and {not_finite} that are not finite; without strict = true they are taken as 0")]
+    #[error(
+        "{file}: grid `{grid}` has {negative} negative values and {not_finite} that are not finite; without strict = true they are taken as 0"
+    )]
     BadValues {
         /// File.
         file: String,
@@ -97,19 +101,28 @@ pub fn load_volumes(scene: &Scene, warn: &dyn Fn(&str)) -> Result<Vec<LoadedVolu
             Some((path, archive)) if path == volume.file => archive,
             _ => Archive::open(&volume.file)?,
         };
-        let taking = Taking { convert: volume.convert, strict: volume.strict };
+        let taking = Taking {
+            convert: volume.convert,
+            strict: volume.strict,
+        };
         let density = load_grid(&archive, &volume.file, volume.density.as_deref(), taking)?;
         density.warnings.iter().for_each(|w| warn(w));
         let temperature = match &volume.emission {
             Some(Emission::Blackbody { temperature, .. }) => {
-                let taking = Taking { convert: Convert::None, strict: volume.strict };
+                let taking = Taking {
+                    convert: Convert::None,
+                    strict: volume.strict,
+                };
                 let loaded = load_grid(&archive, &volume.file, Some(temperature), taking)?;
                 loaded.warnings.iter().for_each(|w| warn(w));
                 Some(loaded.grid)
             }
             None => None,
         };
-        volumes.push(LoadedVolume { density: density.grid, temperature });
+        volumes.push(LoadedVolume {
+            density: density.grid,
+            temperature,
+        });
         open = Some((volume.file.clone(), archive));
     }
     Ok(volumes)
@@ -119,7 +132,12 @@ pub fn load_volumes(scene: &Scene, warn: &dyn Fn(&str)) -> Result<Vec<LoadedVolu
 ///
 /// # Errors
 /// [`LoadError`].
-pub fn load_grid(archive: &Archive, path: &Path, name: Option<&str>, taking: Taking) -> Result<Loaded, LoadError> {
+pub fn load_grid(
+    archive: &Archive,
+    path: &Path,
+    name: Option<&str>,
+    taking: Taking,
+) -> Result<Loaded, LoadError> {
     let file = path.display().to_string();
     let mut warnings = Vec::new();
     let index = match name {
@@ -158,12 +176,21 @@ pub fn load_grid(archive: &Archive, path: &Path, name: Option<&str>, taking: Tak
     };
     let grid = build(&scalar, &clean).map_err(|e| match e {
         Fail::Vdb(e) => LoadError::Vdb(e),
-        Fail::Build(source) => LoadError::Build { file: file.clone(), grid: label.clone(), source },
+        Fail::Build(source) => LoadError::Build {
+            file: file.clone(),
+            grid: label.clone(),
+            source,
+        },
     })?;
     let (negative, not_finite) = (negative.into_inner(), not_finite.into_inner());
     if negative + not_finite > 0 {
         if taking.strict {
-            return Err(LoadError::BadValues { file, grid: label, negative, not_finite });
+            return Err(LoadError::BadValues {
+                file,
+                grid: label,
+                negative,
+                not_finite,
+            });
         }
         warnings.push(format!(
             "{file}: grid `{label}`: {negative} negative values and {not_finite} that are not finite are taken as 0"
@@ -175,12 +202,19 @@ pub fn load_grid(archive: &Archive, path: &Path, name: Option<&str>, taking: Tak
             scalar.background
         ));
     }
-    Ok(Loaded { grid, name: label, warnings })
+    Ok(Loaded {
+        grid,
+        name: label,
+        warnings,
+    })
 }
 
 /// True of types that hold fractions.
 fn is_float(value_type: ValueType) -> bool {
-    matches!(value_type, ValueType::Half | ValueType::Float | ValueType::Double)
+    matches!(
+        value_type,
+        ValueType::Half | ValueType::Float | ValueType::Double
+    )
 }
 
 /// `density`, or the only float grid.
@@ -188,12 +222,19 @@ fn default_grid(archive: &Archive, file: &str) -> Result<usize, LoadError> {
     if let Ok(found) = archive.find("density") {
         return Ok(found.index);
     }
-    let numbers: Vec<usize> = (0..archive.grids().len()).filter(|i| is_float(archive.grids()[*i].value_type)).collect();
+    let numbers: Vec<usize> = (0..archive.grids().len())
+        .filter(|i| is_float(archive.grids()[*i].value_type))
+        .collect();
     match numbers[..] {
         [only] => Ok(only),
         _ => Err(LoadError::Ambiguous {
             file: file.to_owned(),
-            has: archive.grids().iter().map(|g| format!("{} ({})", g.label(), g.type_name)).collect::<Vec<_>>().join(", "),
+            has: archive
+                .grids()
+                .iter()
+                .map(|g| format!("{} ({})", g.label(), g.type_name))
+                .collect::<Vec<_>>()
+                .join(", "),
         }),
     }
 }
@@ -218,7 +259,11 @@ fn build(scalar: &ScalarGrid<'_>, clean: &(impl Fn(f32) -> f32 + Sync)) -> Resul
         tiles: scalar
             .tiles
             .iter()
-            .map(|t| Tile { origin: t.origin, log2_size: t.log2_size.into(), value: clean(t.value) })
+            .map(|t| Tile {
+                origin: t.origin,
+                log2_size: t.log2_size.into(),
+                value: clean(t.value),
+            })
             .collect(),
         leaves: scalar.leaf_origins.clone(),
         active: active_box(scalar),
@@ -247,10 +292,15 @@ fn active_box(scalar: &ScalarGrid<'_>) -> Option<[IVec3; 2]> {
     let mut hi = IVec3::MIN;
     for tile in scalar.tiles.iter().filter(|t| t.active) {
         lo = lo.min(tile.origin);
-        hi = hi.max(tile.origin.saturating_add(IVec3::splat((1 << tile.log2_size) - 1)));
+        hi = hi.max(
+            tile.origin
+                .saturating_add(IVec3::splat((1 << tile.log2_size) - 1)),
+        );
     }
     for (origin, mask) in scalar.leaf_origins.iter().zip(&scalar.leaf_masks) {
-        let within = |lo: IVec3, hi: IVec3| origin.cmpge(lo).all() && (*origin + IVec3::splat(7)).cmple(hi).all();
+        let within = |lo: IVec3, hi: IVec3| {
+            origin.cmpge(lo).all() && (*origin + IVec3::splat(7)).cmple(hi).all()
+        };
         if within(lo, hi) {
             continue;
         }

@@ -4,6 +4,7 @@
 //! `bare` makes a scene around a lone .vdb. World units are metres; directions of light are
 //! directions of travel; colours are linear RGB.
 
+pub mod bare;
 pub mod check;
 pub mod file;
 
