@@ -251,11 +251,12 @@ pub fn read_exr(file: &Path) -> Result<Picture, ImageError> {
         })?;
 
     for layer in &image.layer_data {
+        let count = layer.size.area();
         let find = |name: &str| {
             let list = &layer.channel_data.list;
-            list.iter()
-                .find(|c| c.name.eq(name))
-                .map(|c| &c.sample_data)
+            let channel = list.iter().find(|c| c.name.eq(name))?;
+            // A subsampled channel is no colour.
+            (channel.sample_data.len() == count).then_some(&channel.sample_data)
         };
         let triple = |names: [&str; 3]| -> Option<Vec<[f32; 3]>> {
             let [r, g, b] = names.map(find);

@@ -4,3 +4,4 @@ mod vdb_bad;
 mod vdb_corpus;
 mod vdb_files;
 mod surface;
+mod film_image;
