@@ -135,7 +135,7 @@ pub(crate) struct CompareArgs {
     #[arg(long)]
     pub(crate) json: bool,
     /// Exit with code 1 if relMSE = mean((a-b)^2 / (b^2 + 0.01 mean(b)^2)) is above this.
-    #[arg(long, value_name = "X", value_parser = parse_bound)]
+    #[arg(long, value_name = "X", allow_negative_numbers = true, value_parser = parse_bound)]
     pub(crate) max_relmse: Option<f64>,
     /// Write the relative difference as a picture: red where A is brighter, blue where darker,
     /// full colour at one half.

@@ -363,7 +363,7 @@ impl<'a> Item<'a> {
         if (v as f32).is_finite() {
             Some(v as f32)
         } else {
-            self.fault(format!("`{}` is {v}; that is too large", self.key))
+            self.fault(format!("`{}` is {v:e}; that is too large", self.key))
         }
     }
 

@@ -4,4 +4,6 @@ mod vdb_bad;
 mod vdb_corpus;
 mod vdb_files;
 mod surface;
+mod cli;
 mod film_image;
+mod scene_file;
