@@ -63,7 +63,9 @@ pub(crate) struct RenderArgs {
     /// or 1].
     #[arg(long, value_name = "N", value_parser = parse_count32)]
     pub(crate) spp: Option<u32>,
-    /// Time after which no further pass begins, of each frame: 30s, 10m, 1.5h [default: none].
+    /// Time for each frame: 30s, 10m, 1.5h; no pass begins after it [default: none].
+    ///
+    /// Without --passes (path: without --spp) there are as many passes as fit, at least one.
     #[arg(long, value_name = "TIME", value_parser = parse_duration)]
     pub(crate) time: Option<Duration>,
     /// Width and height in pixels [default: the scene's].

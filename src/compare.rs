@@ -12,7 +12,7 @@
 //!
 //! The 0.01 mean(b)² keeps black pixels from dividing by zero; mean(b) is over all channels, so
 //! that a channel without light is no exception. chi² needs the standard errors s of both
-//! pictures, and passes enough that they mean something. Pixels that are not finite in either are
+//! pictures, passes enough that they mean something, and different seeds: equal seeds share noise. Pixels that are not finite in either are
 //! counted, left out of the figures, and fail any bound.
 
 use serde::Serialize;

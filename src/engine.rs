@@ -2,39 +2,24 @@
 
 use std::io::Write;
 use std::path::Path;
-use std::sync::atomic::AtomicBool;
-use std::time::Duration;
 
 use anyhow::bail;
-use vpm_vdb::film::Film;
-use vpm_vdb::progress::Progress;
-use vpm_vdb::report::{Effect, Report, Stage};
+use vpm_vdb::render::{self, Exec, Rendered};
+use vpm_vdb::report::{Effect, Stage};
 use vpm_vdb::scene::Scene;
 
-/// How to run; none of it changes the picture that a pass adds.
-pub(crate) struct Exec<'a> {
-    pub(crate) threads: Option<usize>,
-    pub(crate) progress: &'a dyn Progress,
-    pub(crate) time_limit: Option<Duration>,
-    pub(crate) stop: &'a AtomicBool,
-}
-
-/// What comes back.
-pub(crate) struct Rendered {
-    pub(crate) film: Film,
-    pub(crate) report: Report,
-    pub(crate) stopped_early: bool,
-}
-
 /// Renders one frame.
-pub(crate) fn run_render(_scene: &Scene, exec: &Exec<'_>) -> anyhow::Result<Rendered> {
-    let _ = (exec.threads, exec.progress, exec.time_limit, exec.stop);
-    bail!("this build has no renderer yet")
+pub(crate) fn run_render(scene: &Scene, exec: &Exec<'_>) -> anyhow::Result<Rendered> {
+    Ok(render::render(scene, exec)?)
 }
 
 /// Which effects the scene calls for, and what the stages should cost.
-pub(crate) fn run_plan(_scene: &Scene) -> anyhow::Result<(Vec<Effect>, Vec<Stage>)> {
-    bail!("this build has no planner yet")
+pub(crate) fn run_plan(
+    scene: &Scene,
+    warn: &dyn Fn(&str),
+) -> anyhow::Result<(Vec<Effect>, Vec<Stage>)> {
+    let plan = render::plan(scene, warn)?;
+    Ok((plan.effects, Vec::new()))
 }
 
 /// Lists grids or values.

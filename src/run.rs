@@ -14,12 +14,16 @@ use anyhow::{Context, bail};
 use vpm_vdb::atomic::{self, check_writable};
 use vpm_vdb::compare::{Figures, compare, heat_map};
 use vpm_vdb::image::{self, Metadata};
-use vpm_vdb::scene::Scene;
+use vpm_vdb::render::{Exec, Rendered};
 use vpm_vdb::scene::file::settings_text;
+use vpm_vdb::scene::{Method, Scene};
 use vpm_vdb::{frames, progress, report};
 
 use crate::cli::{Cli, Command, CompareArgs, InfoArgs, PlanArgs, RenderArgs};
-use crate::engine::{self, Exec, Rendered};
+use crate::engine;
+
+/// Passes of a render that is to end for another reason.
+const MOST: u32 = 1_000_000;
 
 /// A comparison failed its bound.
 const FAILED: u8 = 1;
@@ -83,6 +87,13 @@ fn apply(args: &RenderArgs, scene: &mut Scene) -> anyhow::Result<()> {
     s.passes = args.passes.unwrap_or(s.passes);
     s.spp = args.spp.unwrap_or(s.spp);
     s.seed = args.seed.unwrap_or(s.seed);
+    // A time without a number of passes (of paths) is to be used up.
+    if args.time.is_some() {
+        match s.method {
+            Method::Path => s.spp = args.spp.unwrap_or(MOST),
+            Method::Beam | Method::Point => s.passes = args.passes.unwrap_or(MOST),
+        }
+    }
     s.pruning = !args.no_pruning;
     scene.camera.resolution = args.resolution.unwrap_or(scene.camera.resolution);
     let [width, height] = scene.camera.resolution;
@@ -179,10 +190,16 @@ fn render(args: &RenderArgs) -> anyhow::Result<ExitCode> {
 
     catch_ctrl_c(args.quiet)?;
     let progress = progress::for_stderr(args.quiet);
+    let warn = |text: &str| {
+        if !args.quiet {
+            progress.message(&format!("warning: {text}"));
+        }
+    };
     let exec = Exec {
         threads: args.threads.map(|n| n as usize),
         progress: progress.as_ref(),
         time_limit: args.time,
+        warn: &warn,
         stop: &STOP,
     };
     for job in &jobs {
@@ -225,8 +242,6 @@ fn write(job: &Job, rendered: &mut Rendered) -> anyhow::Result<()> {
     let settings = &job.scene.settings;
     let metadata = Metadata {
         scene: job.scene.name.clone(),
-        method: settings.method.name().to_owned(),
-        seed: settings.seed,
         settings: settings_text(settings),
     };
     image::write_exr(&job.exr, film, &metadata)?;
@@ -248,6 +263,7 @@ fn tell(job: &Job, rendered: &Rendered) -> anyhow::Result<()> {
         film,
         report,
         stopped_early,
+        ..
     } = rendered;
     let error = match film.mean_relative_standard_error() {
         Some(e) => format!("error {:.2} %", 100.0 * e),
@@ -263,9 +279,8 @@ fn tell(job: &Job, rendered: &Rendered) -> anyhow::Result<()> {
         job.png.display(),
         report.time_s.total
     ))?;
-    if *stopped_early {
-        let asked = job.scene.settings.passes;
-        eprintln!("stopped after {passes}, of {asked} asked for");
+    if *stopped_early && STOP.load(Ordering::Relaxed) {
+        eprintln!("stopped early: the picture has {passes}");
     }
     match film.nonfinite_pixels() {
         0 => {}
@@ -282,7 +297,7 @@ fn info(args: &InfoArgs) -> anyhow::Result<ExitCode> {
 
 fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
     let scene = load(&args.scene, None)?;
-    let (effects, stages) = engine::run_plan(&scene)?;
+    let (effects, stages) = engine::run_plan(&scene, &|text| eprintln!("warning: {text}"))?;
     if args.json {
         let json = serde_json::json!({ "effects": effects, "stages": stages });
         print(&serde_json::to_string_pretty(&json)?)?;

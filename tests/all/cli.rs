@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 use vpm_vdb::film::{Film, Sample};
-use vpm_vdb::image::{Metadata, write_exr};
+use vpm_vdb::image::{Metadata, read_exr, write_exr};
 use vpm_vdb::scene::Rgb;
 
 /// Runs the command in a folder.
@@ -296,5 +296,157 @@ fn options_that_mean_nothing_are_refused() {
         let out = run(dir.path(), args);
         assert_eq!(code(&out), 2, "{args:?}");
         assert!(stderr(&out).contains(part), "{args:?}: {}", stderr(&out));
+    }
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let entries = fs::read_dir(folder).expect("scratch folder");
+    let name = |e: std::io::Result<fs::DirEntry>| e.expect("entry").file_name();
+    let mut names: Vec<_> = entries
+        .map(|e| name(e).to_string_lossy().into_owned())
+        .collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn render_writes_picture_and_report() {
+    let dir = scratch();
+    fs::write(dir.path().join("fog.toml"), FOG).unwrap();
+    let out = run(
+        dir.path(),
+        &["render", "fog.toml", "--report", "r.json", "--seed", "5"],
+    );
+    assert_eq!((code(&out), stderr(&out).as_str()), (0, ""));
+    let line = stdout(&out);
+    assert!(line.starts_with("fog.exr fog.png  "), "{line}");
+    assert!(
+        line.contains(" s, 3 passes, error ") && line.ends_with(" %\n"),
+        "{line}"
+    );
+    assert_eq!(
+        names(dir.path()),
+        ["fog.exr", "fog.png", "fog.toml", "r.json"]
+    );
+
+    let report: serde_json::Value =
+        serde_json::from_slice(&fs::read(dir.path().join("r.json")).unwrap()).unwrap();
+    assert_eq!(report["scene"], "fog");
+    assert_eq!(report["method"], "beam");
+    assert_eq!(report["resolution"], serde_json::json!([24, 16]));
+    assert_eq!((&report["seed"], &report["passes"]), (&5.into(), &3.into()));
+    assert!(
+        report["time_s"]["total"].as_f64() > report["time_s"]["output"].as_f64(),
+        "{report}"
+    );
+    assert!(
+        report["image"]["mean"][0].as_f64().unwrap() > 0.0,
+        "{report}"
+    );
+    if cfg!(target_os = "linux") {
+        assert!(
+            report["peak_rss_bytes"].as_u64().unwrap() > 1_000_000,
+            "{report}"
+        );
+    }
+}
+
+#[test]
+fn render_is_silent_when_told_so() {
+    let dir = scratch();
+    fs::write(dir.path().join("fog.toml"), FOG).unwrap();
+    let out = run(
+        dir.path(),
+        &["render", "fog.toml", "-o", "x.exr", "--quiet"],
+    );
+    assert_eq!(
+        (code(&out), stdout(&out).as_str(), stderr(&out).as_str()),
+        (0, "", "")
+    );
+    assert_eq!(names(dir.path()), ["fog.toml", "x.exr", "x.png"]);
+}
+
+/// The command line wins over `[render]`, and a crop holds the pixels that the whole picture has.
+#[test]
+fn a_crop_is_a_part_of_the_picture() {
+    let dir = scratch();
+    fs::write(dir.path().join("fog.toml"), FOG).unwrap();
+    let method = ["--method", "path", "--spp", "8", "--resolution", "20x10"];
+    let whole = [&["render", "fog.toml", "-o", "a.exr"][..], &method].concat();
+    let part = [
+        &["render", "fog.toml", "-o", "b.exr", "--crop", "5,2,12,9"][..],
+        &method,
+    ]
+    .concat();
+    for args in [whole, part] {
+        let out = run(dir.path(), &args);
+        assert_eq!((code(&out), stderr(&out).as_str()), (0, ""));
+    }
+    let a = read_exr(&dir.path().join("a.exr")).unwrap();
+    let b = read_exr(&dir.path().join("b.exr")).unwrap();
+    assert_eq!((a.width, a.height), (20, 10));
+    assert_eq!((b.width, b.height, b.origin), (7, 7, [5, 2]));
+    for y in 0..7 {
+        for x in 0..7 {
+            assert_eq!(
+                b.rgb[y * 7 + x],
+                a.rgb[(y + 2) * 20 + x + 5],
+                "pixel {x}, {y}"
+            );
+        }
+    }
+}
+
+#[test]
+fn threads_change_nothing() {
+    let dir = scratch();
+    fs::write(dir.path().join("fog.toml"), FOG).unwrap();
+    for (threads, file) in [("1", "a.exr"), ("2", "b.exr"), ("5", "c.exr")] {
+        let out = run(
+            dir.path(),
+            &["render", "fog.toml", "-o", file, "--threads", threads],
+        );
+        assert_eq!((code(&out), stderr(&out).as_str()), (0, ""));
+    }
+    let read = |file: &str| fs::read(dir.path().join(file)).unwrap();
+    for (one, other) in [("a.exr", "b.exr"), ("a.exr", "c.exr"), ("a.png", "c.png")] {
+        assert!(read(one) == read(other), "{one} and {other} differ");
+    }
+}
+
+#[test]
+fn time_without_passes_is_used_up() {
+    let dir = scratch();
+    fs::write(dir.path().join("fog.toml"), FOG).unwrap();
+    let out = run(
+        dir.path(),
+        &["render", "fog.toml", "--time", "1s", "--report", "r.json"],
+    );
+    assert_eq!((code(&out), stderr(&out).as_str()), (0, ""));
+    let report: serde_json::Value =
+        serde_json::from_slice(&fs::read(dir.path().join("r.json")).unwrap()).unwrap();
+    // Three passes of this scene take milliseconds.
+    assert!(report["passes"].as_u64().unwrap() > 3, "{report}");
+}
+
+#[test]
+fn plan_names_every_effect() {
+    let dir = scratch();
+    fs::write(dir.path().join("fog.toml"), FOG).unwrap();
+    let out = run(dir.path(), &["plan", "fog.toml", "--json"]);
+    assert_eq!((code(&out), stderr(&out).as_str()), (0, ""));
+    let plan: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
+    let effects = plan["effects"].as_array().unwrap();
+    let names: Vec<_> = effects
+        .iter()
+        .map(|e| e["name"].as_str().unwrap())
+        .collect();
+    let expected = "absorption single_scattering multiple_scattering anisotropic_phase emission \
+                    chromatic heterogeneous surfaces specular_surfaces surface_photons \
+                    medium_boundaries area_lights environment depth_of_field";
+    assert_eq!(names.join(" "), expected);
+    assert!(plan["stages"].is_array(), "{plan}");
+    for e in effects {
+        assert!(!e["reason"].as_str().unwrap().is_empty(), "{e}");
     }
 }

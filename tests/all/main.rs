@@ -7,3 +7,5 @@ mod surface;
 mod cli;
 mod film_image;
 mod scene_file;
+mod vdb_corpus;
+mod vdb_files;
