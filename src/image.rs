@@ -11,14 +11,16 @@
 //! | `emission.R G B` | emission, and the background seen through the medium |
 //! | `depth.Z` | distance from the camera \[m\]; infinite where there is nothing |
 //!
-//! `R G B` = direct + indirect + emission. Text attributes: `software`, `scene`, `method`, `seed`,
-//! `passes`, `settings`. A crop is written as a data window inside the full display window.
+//! `R G B` = direct + indirect + emission. The attribute `comments` says in TOML how the picture was
+//! made: the scene, the passes in it, and its `[render]` section. (Attributes of our own would
+//! come in an order that changes from run to run, as the crate keeps them in a hash map; equal
+//! pictures are to be equal files.) A crop is a data window inside the full display window.
 
 use std::fs::File;
 use std::io::{BufReader, Write};
 use std::path::{Path, PathBuf};
 
-use exr::meta::attribute::{AttributeValue, IntegerBounds, Text};
+use exr::meta::attribute::{IntegerBounds, Text};
 use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, ReadChannels,
     ReadLayers, Vec2, WritableImage,
@@ -81,11 +83,7 @@ pub enum ImageError {
 pub struct Metadata {
     /// Scene name.
     pub scene: String,
-    /// Method.
-    pub method: String,
-    /// Seed.
-    pub seed: u64,
-    /// All settings, as text.
+    /// All settings, as a `[render]` section.
     pub settings: String,
 }
 
@@ -157,22 +155,18 @@ pub fn write_exr(file: &Path, film: &Film, metadata: &Metadata) -> Result<(), Im
         }
     }
 
-    let mut attributes = LayerAttributes {
+    let comments = format!(
+        "scene = {:?}\npasses_in_picture = {}\n\n{}",
+        metadata.scene,
+        film.passes(),
+        metadata.settings
+    );
+    let attributes = LayerAttributes {
         layer_position: Vec2(x0 as i32, y0 as i32),
+        comments: Some(text(&comments)),
         software_name: Some(text(concat!("vpm-vdb ", env!("CARGO_PKG_VERSION")))),
         ..LayerAttributes::default()
     };
-    for (key, value) in [
-        ("scene", metadata.scene.clone()),
-        ("method", metadata.method.clone()),
-        ("seed", metadata.seed.to_string()),
-        ("passes", film.passes().to_string()),
-        ("settings", metadata.settings.clone()),
-    ] {
-        attributes
-            .other
-            .insert(text(key), AttributeValue::Text(text(&value)));
-    }
     let layer = Layer::new(
         Vec2((x1 - x0) as usize, (y1 - y0) as usize),
         attributes,
@@ -251,11 +245,12 @@ pub fn read_exr(file: &Path) -> Result<Picture, ImageError> {
         })?;
 
     for layer in &image.layer_data {
+        let count = layer.size.area();
         let find = |name: &str| {
             let list = &layer.channel_data.list;
-            list.iter()
-                .find(|c| c.name.eq(name))
-                .map(|c| &c.sample_data)
+            let channel = list.iter().find(|c| c.name.eq(name))?;
+            // A subsampled channel is no colour.
+            (channel.sample_data.len() == count).then_some(&channel.sample_data)
         };
         let triple = |names: [&str; 3]| -> Option<Vec<[f32; 3]>> {
             let [r, g, b] = names.map(find);

@@ -3,9 +3,11 @@
 pub mod atomic;
 pub mod blackbody;
 pub mod camera;
+pub mod compare;
 pub mod effects;
 pub mod estimate;
 pub mod film;
+pub mod frames;
 pub mod grid;
 pub mod image;
 pub mod info;

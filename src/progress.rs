@@ -17,9 +17,13 @@ pub trait Progress: Sync {
     fn advance(&self, n: u64);
     /// The stage is over.
     fn finish(&self);
+    /// A line for people, clear of any bar.
+    fn message(&self, text: &str) {
+        eprintln!("{text}");
+    }
 }
 
-/// Tells nobody.
+/// Shows no progress.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Silent;
 
@@ -80,6 +84,13 @@ impl Progress for Terminal {
             if let Some(bar) = slot.take() {
                 bar.finish_and_clear();
             }
+        });
+    }
+
+    fn message(&self, text: &str) {
+        self.with_bar(|slot| match slot {
+            Some(bar) => bar.suspend(|| eprintln!("{text}")),
+            None => eprintln!("{text}"),
         });
     }
 }

@@ -7,6 +7,7 @@
 pub mod bare;
 pub mod check;
 pub mod file;
+mod keys;
 
 use std::path::PathBuf;
 
@@ -69,6 +70,20 @@ pub enum Method {
     Point,
     /// Path tracing: the reference.
     Path,
+}
+
+impl Method {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Beam, Self::Point, Self::Path];
+
+    /// Its name in scene files, on the command line and in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Beam => "beam",
+            Self::Point => "point",
+            Self::Path => "path",
+        }
+    }
 }
 
 /// Where first-order scattering comes from.

@@ -1,1 +1,0 @@
-//! Mirror of the scene file's TOML text.
