@@ -3,10 +3,10 @@
 use std::io::Write;
 use std::path::Path;
 
-use anyhow::bail;
+use vpm_vdb::info::{self, InfoOptions};
 use vpm_vdb::render::{self, Exec, Rendered};
 use vpm_vdb::report::{Effect, Stage};
-use vpm_vdb::scene::Scene;
+use vpm_vdb::scene::{Scene, bare};
 
 /// Renders one frame.
 pub(crate) fn run_render(scene: &Scene, exec: &Exec<'_>) -> anyhow::Result<Rendered> {
@@ -22,18 +22,23 @@ pub(crate) fn run_plan(
     Ok((plan.effects, Vec::new()))
 }
 
-/// Lists grids or values.
+/// Lists grids or values; returns remarks for the user.
 pub(crate) fn run_info(
-    _file: &Path,
-    _json: bool,
-    _grid: Option<String>,
-    _at: &[[i32; 3]],
-    _out: &mut dyn Write,
-) -> anyhow::Result<()> {
-    bail!("this build cannot list grids yet")
+    file: &Path,
+    json: bool,
+    grid: Option<String>,
+    at: &[[i32; 3]],
+    out: &mut dyn Write,
+) -> anyhow::Result<Vec<String>> {
+    let options = InfoOptions {
+        json,
+        grid,
+        at: at.to_vec(),
+    };
+    Ok(info::run(file, &options, out)?)
 }
 
 /// A scene around a lone volume.
-pub(crate) fn bare_scene(_vdb: &Path) -> anyhow::Result<Scene> {
-    bail!("this build cannot frame a lone volume yet")
+pub(crate) fn bare_scene(vdb: &Path) -> anyhow::Result<Scene> {
+    Ok(bare::scene_for(vdb)?)
 }

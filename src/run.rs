@@ -291,7 +291,10 @@ fn tell(job: &Job, rendered: &Rendered) -> anyhow::Result<()> {
 
 fn info(args: &InfoArgs) -> anyhow::Result<ExitCode> {
     let out = &mut io::stdout().lock();
-    engine::run_info(&args.file, args.json, args.grid.clone(), &args.at, out)?;
+    let remarks = engine::run_info(&args.file, args.json, args.grid.clone(), &args.at, out)?;
+    for remark in remarks {
+        eprintln!("note: {remark}");
+    }
     Ok(ExitCode::SUCCESS)
 }
 

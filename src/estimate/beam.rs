@@ -38,7 +38,6 @@ use crate::tracking::Counters;
 /// Largest ratio of densities that a photon bridges. Lower: rays through dense spots next to thin
 /// ones lose light; higher: rare photons weigh that much more than their neighbours.
 pub const MAX_CONTRAST: f32 = 64.0;
-    std::sync::LazyLock::new(|| std::env::var("MAXC").map_or(8.0, |s| s.parse().unwrap()));
 
 /// What one photon adds: T albedo p Phi K. \[W/(m2 sr)\]
 #[inline]
