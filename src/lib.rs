@@ -13,6 +13,7 @@ pub mod image;
 pub mod info;
 pub mod light;
 pub mod march;
+pub mod math;
 pub mod medium;
 pub mod phase;
 pub mod photon;

@@ -158,7 +158,7 @@ impl<S: Spectrum> Profile<S> {
     #[inline]
     #[must_use]
     pub fn transmittance(&self, t: f32) -> S {
-        self.optical_depth(t).map(|tau| (-tau).exp())
+        S::transmittance(self.optical_depth(t))
     }
 
     /// Transmittance from the ray's start to t, and the density of one medium there.
@@ -174,7 +174,7 @@ impl<S: Spectrum> Profile<S> {
                 density = slope(a, b, s);
             }
         }
-        (tau.map(|tau| (-tau).exp()), density)
+        (S::transmittance(tau), density)
     }
 
     /// Optical depth from the ray's start to t.
@@ -287,7 +287,7 @@ pub fn transmittance<S: Spectrum>(
         }
         tau += medium.sigma_t * depth as f32;
     }
-    tau.map(|tau| (-tau).exp())
+    S::transmittance(tau)
 }
 
 /// Integral of the density that spends the ray, from the thinnest channel that is not clear.

@@ -9,6 +9,7 @@ use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Sub};
 
 use glam::Vec3;
 
+use crate::math::exp;
 use crate::scene::Rgb;
 
 /// One or three channels.
@@ -47,8 +48,8 @@ pub trait Spectrum:
     fn max_channel(self) -> f32;
     /// Mean over the channels.
     fn mean(self) -> f32;
-    /// exp of each channel.
-    fn exp(self) -> Self;
+    /// exp(-tau) of each channel: once where all are equal, as in grey media under coloured light.
+    fn transmittance(tau: Self) -> Self;
     /// Channel by channel.
     fn map(self, f: impl Fn(f32) -> f32) -> Self;
     /// True where every channel is finite.
@@ -81,8 +82,9 @@ impl Spectrum for f32 {
     fn mean(self) -> f32 {
         self
     }
-    fn exp(self) -> Self {
-        self.exp()
+    #[inline]
+    fn transmittance(tau: Self) -> Self {
+        exp(-tau)
     }
     fn map(self, f: impl Fn(Self) -> Self) -> Self {
         f(self)
@@ -114,8 +116,14 @@ impl Spectrum for Vec3 {
     fn mean(self) -> f32 {
         self.element_sum() * (1.0 / 3.0)
     }
-    fn exp(self) -> Self {
-        self.exp()
+    #[inline]
+    fn transmittance(tau: Self) -> Self {
+        let x = exp(-tau.x);
+        if tau.x == tau.y && tau.x == tau.z {
+            Self::splat(x)
+        } else {
+            Self::new(x, exp(-tau.y), exp(-tau.z))
+        }
     }
     fn map(self, f: impl Fn(f32) -> f32) -> Self {
         Self::new(f(self.x), f(self.y), f(self.z))

@@ -219,12 +219,12 @@ fn flight_in<S: Spectrum>(
             let t = t0 + sampler.rng.exponential() / sigma;
             if t < t1 {
                 if S::CHANNELS > 1 {
-                    hero.update((medium.sigma_t * (t0 - t)).exp() * medium.sigma_t);
+                    hero.update(S::transmittance(medium.sigma_t * (t - t0)) * medium.sigma_t);
                 }
                 Some(t)
             } else {
                 if S::CHANNELS > 1 && t1.is_finite() {
-                    hero.update((medium.sigma_t * (t0 - t1)).exp());
+                    hero.update(S::transmittance(medium.sigma_t * (t1 - t0)));
                 }
                 None
             }

@@ -207,6 +207,8 @@ pub struct TileRays<S> {
     pub profiles: Vec<Profile<S>>,
     direction: [[f32x8; 8]; 3],
     t_end: [f32x8; 8],
+    /// Scratch: photons that each ray pierces.
+    hits: Vec<Vec<Pierced>>,
 }
 
 impl<S: Spectrum> Default for TileRays<S> {
@@ -222,6 +224,7 @@ impl<S: Spectrum> Default for TileRays<S> {
             profiles: (0..TILE_RAYS).map(|_| Profile::default()).collect(),
             direction: [[f32x8::ZERO; 8]; 3],
             t_end: [f32x8::ZERO; 8],
+            hits: vec![Vec::new(); TILE_RAYS],
         }
     }
 }
@@ -250,7 +253,7 @@ impl<S: Spectrum> TileRays<S> {
 
     /// Adds the radiance of a tile's photons to each ray's sum.
     pub fn gather<H: Heading, K: KernelShape>(
-        &self,
+        &mut self,
         media: &[Medium<S>],
         camera: Vec3,
         photons: &[Photon<S, H>],
@@ -258,13 +261,38 @@ impl<S: Spectrum> TileRays<S> {
         sums: &mut [S; TILE_RAYS],
         counters: &mut Counters,
     ) {
+        self.find(camera, photons, tile);
+        for (ray, sum) in sums.iter_mut().enumerate() {
+            let hits = &mut self.hits[ray];
+            counters.gathered_photons += hits.len() as u64;
+            for hit in hits.drain(..) {
+                *sum += contribution::<S, H, K>(
+                    media,
+                    &self.profiles[ray],
+                    &self.rays[ray],
+                    &photons[hit.photon as usize],
+                    hit.t,
+                    hit.d2,
+                );
+            }
+        }
+    }
+
+    /// Lists for each ray the photons that it pierces. Kept apart from adding them up: so each
+    /// ray's profile stays in the nearest cache while its photons read it.
+    fn find<H: Heading>(
+        &mut self,
+        camera: Vec3,
+        photons: &[Photon<S, H>],
+        tile: &[(u32, [u8; 2])],
+    ) {
         let zero = f32x8::ZERO;
         for (index, [first, last]) in tile {
             let photon = &photons[*index as usize];
             let v = photon.position - camera;
             let [x, y, z] = [v.x, v.y, v.z].map(f32x8::splat);
             let r2 = f32x8::splat(photon.radius * photon.radius);
-            for row in usize::from(*first)..=usize::from(*last) {
+            for row in usize::from(*first)..=usize::from(*last).min(7) {
                 let [dx, dy, dz] = [
                     self.direction[0][row],
                     self.direction[1][row],
@@ -279,21 +307,26 @@ impl<S: Spectrum> TileRays<S> {
                     continue;
                 }
                 let (t, d2) = (t.to_array(), d2.to_array());
-                counters.gathered_photons += u64::from(lanes.count_ones());
                 while lanes != 0 {
-                    let lane = lanes.trailing_zeros() as usize;
+                    let lane = lanes.trailing_zeros() as usize & 7;
                     lanes &= lanes - 1;
-                    let ray = 8 * row + lane;
-                    sums[ray] += contribution::<S, H, K>(
-                        media,
-                        &self.profiles[ray],
-                        &self.rays[ray],
-                        photon,
-                        t[lane],
-                        d2[lane],
-                    );
+                    self.hits[8 * row + lane].push(Pierced {
+                        photon: *index,
+                        t: t[lane],
+                        d2: d2[lane],
+                    });
                 }
             }
         }
     }
+}
+
+/// A photon that a ray pierces.
+#[derive(Debug, Clone, Copy)]
+struct Pierced {
+    photon: u32,
+    /// Parameter of the ray's nearest point. \[m\]
+    t: f32,
+    /// Squared distance there. \[m2\]
+    d2: f32,
 }
