@@ -477,7 +477,7 @@ impl Builder {
             Shape::Mesh { file } => Some(file.clone()),
             _ => None,
         };
-        if triangles.degenerate > 0 {
+        if !triangles.degenerate.is_empty() {
             if triangles.indices.is_empty() {
                 return Err(SurfaceError::Degenerate {
                     object: name(),
@@ -486,7 +486,7 @@ impl Builder {
             }
             self.warnings.push(SurfaceWarning::DegenerateTriangles {
                 object: name(),
-                count: triangles.degenerate,
+                count: triangles.degenerate.len(),
             });
         }
         let has_sides = object.interior.is_some()
@@ -497,7 +497,8 @@ impl Builder {
         if !has_sides {
             return Ok(false);
         }
-        let found = mesh::closure(&triangles.positions, &triangles.indices);
+        let all = [triangles.indices.as_slice(), &triangles.degenerate].concat();
+        let found = mesh::closure(&triangles.positions, &all);
         if found.open_edges > 0 {
             if object.interior.is_some() {
                 return Err(SurfaceError::OpenInterior {
