@@ -35,8 +35,8 @@ pub(super) struct Triangles {
     pub(super) uvs: Vec<Vec2>,
     /// Corner indices, counter-clockwise from outside.
     pub(super) indices: Vec<[u32; 3]>,
-    /// Triangles without area, left out.
-    pub(super) degenerate: usize,
+    /// Triangles without area, left out of `indices`; they still join their neighbours.
+    pub(super) degenerate: Vec<[u32; 3]>,
 }
 
 /// Places a shape. Meshes come loaded, since one file may serve many objects.
@@ -130,18 +130,16 @@ fn triangles(
         .iter()
         .map(|p| (transform.transform_point3(*p) - origin).as_vec3())
         .collect();
-    let kept: Vec<[u32; 3]> = indices
+    let (indices, degenerate) = indices
         .iter()
         .map(|&[a, b, c]| if mirrored { [a, c, b] } else { [a, b, c] })
-        .filter(|&corners| {
+        .partition(|&corners| {
             let [a, b, c] = corners.map(|i| positions[i as usize].as_dvec3());
-            let area = (b - a).cross(c - a);
-            area != DVec3::ZERO || !area.is_finite()
-        })
-        .collect();
+            (b - a).cross(c - a) != DVec3::ZERO
+        });
     Triangles {
-        degenerate: indices.len() - kept.len(),
-        indices: kept,
+        degenerate,
+        indices,
         positions,
         ..Triangles::default()
     }

@@ -7,7 +7,8 @@
 //!
 //! Source: Woop, Benthin, Wald 2013, "Watertight ray/triangle intersection". Two triangles that
 //! share an edge compute bitwise opposite values for it, since each product rounds monotonically
-//! and zero counts as inside, so no ray passes between them: the guarantee of the test.
+//! and zero counts as inside, so no ray passes between them: the guarantee of the test. (Woop et al.
+//! also swap two axes for d_z < 0, to keep the winding; the test sees both sides and needs none.)
 //! Where we depart: corners are f32, everything from the subtraction on is f64. The fallback to
 //! double precision for zero areas goes, and t is good to some 2^-50 of the distance of the
 //! corners, far below the f32 offset of spawned rays (`hit`), so that no ray hits the triangle
@@ -15,10 +16,10 @@
 
 use glam::Vec3;
 
-/// The axes and the shear that turn a direction into +z.
+/// The axis along which a direction is largest, and the shear that turns it into z.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Shear {
-    axes: [usize; 3],
+    axis: usize,
     x: f64,
     y: f64,
     z: f64,
@@ -44,13 +45,10 @@ impl Shear {
         } else {
             2
         };
-        let (mut x, mut y) = ((z + 1) % 3, (z + 2) % 3);
-        if d[z] < 0.0 {
-            (x, y) = (y, x);
-        }
+        let (x, y) = ((z + 1) % 3, (z + 2) % 3);
         let dz = f64::from(d[z]);
         Self {
-            axes: [x, y, z],
+            axis: z,
             x: f64::from(d[x]) / dz,
             y: f64::from(d[y]) / dz,
             z: 1.0 / dz,
@@ -60,12 +58,26 @@ impl Shear {
     /// The hit of the line, on either side of the origin.
     #[inline]
     pub(super) fn intersect(&self, origin: Vec3, corners: &[Vec3; 3]) -> Option<TriangleHit> {
-        let [kx, ky, kz] = self.axes;
+        // One body per axis: constant indices cost nothing, and the branch is the ray's, not the
+        // triangle's.
+        match self.axis {
+            0 => self.test::<1, 2, 0>(origin, corners),
+            1 => self.test::<2, 0, 1>(origin, corners),
+            _ => self.test::<0, 1, 2>(origin, corners),
+        }
+    }
+
+    #[inline]
+    fn test<const X: usize, const Y: usize, const Z: usize>(
+        &self,
+        origin: Vec3,
+        corners: &[Vec3; 3],
+    ) -> Option<TriangleHit> {
         let corner = |v: Vec3| {
             let (v, o) = (v.to_array(), origin.to_array());
-            let z = f64::from(v[kz]) - f64::from(o[kz]);
-            let x = f64::from(v[kx]) - f64::from(o[kx]) - self.x * z;
-            let y = f64::from(v[ky]) - f64::from(o[ky]) - self.y * z;
+            let z = f64::from(v[Z]) - f64::from(o[Z]);
+            let x = f64::from(v[X]) - f64::from(o[X]) - self.x * z;
+            let y = f64::from(v[Y]) - f64::from(o[Y]) - self.y * z;
             [x, y, z]
         };
         let a = corner(corners[0]);
@@ -81,7 +93,8 @@ impl Shear {
         if sum == 0.0 {
             return None;
         }
-        let weights = [u / sum, v / sum, w / sum];
+        let inverse = 1.0 / sum;
+        let weights = [u * inverse, v * inverse, w * inverse];
         let t = self.z * (weights[0] * a[2] + weights[1] * b[2] + weights[2] * c[2]);
         Some(TriangleHit { t, weights })
     }

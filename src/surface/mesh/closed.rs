@@ -37,6 +37,10 @@ pub(in crate::surface) fn closure(positions: &[Vec3], triangles: &[[u32; 3]]) ->
     for corners in triangles {
         let [i, j, k] = corners.map(|c| welded[c as usize]);
         for (from, to) in [(i, j), (j, k), (k, i)] {
+            // Corners that fell together leave no edge between them.
+            if from == to {
+                continue;
+            }
             *balance.entry((from.min(to), from.max(to))).or_insert(0) +=
                 if from < to { 1 } else { -1 };
         }
@@ -69,6 +73,13 @@ mod tests {
         let mut turned = OUTWARDS;
         turned[0] = [0, 1, 2];
         assert_eq!(closure(&CORNERS, &turned).open_edges, 3);
+    }
+
+    #[test]
+    fn collapsed_triangles_open_nothing() {
+        let mut triangles = OUTWARDS.to_vec();
+        triangles.extend([[0, 0, 1], [2, 2, 2]]);
+        assert_eq!(closure(&CORNERS, &triangles).open_edges, 0);
     }
 
     #[test]

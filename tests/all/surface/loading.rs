@@ -7,7 +7,7 @@ use rand::Rng;
 use vpm_vdb::scene::{Material, Object, Optics, Phase, Rgb, Shape};
 use vpm_vdb::surface::{Mesh, SurfaceError, SurfaceWarning, Surfaces};
 
-use super::{WHITE, generator, object};
+use super::{WHITE, direction, generator, object, uniforms};
 
 /// A tetrahedron that faces outwards.
 const CORNERS: [[f32; 3]; 4] = [[0., 0., 0.], [1., 0., 0.], [0., 1., 0.], [0., 0., 1.]];
@@ -414,4 +414,43 @@ fn shapes_without_extent_are_refused() {
         matches!(error, SurfaceError::SingularTransform { .. }),
         "{error}"
     );
+}
+
+#[test]
+fn the_meshes_of_the_example_scenes_are_closed() {
+    // Each can hold a medium, needs no repair, and lets no ray out.
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/meshes");
+    let mut rng = generator(92);
+    let mut meshes = 0;
+    for entry in std::fs::read_dir(folder).expect("the folder is part of the repository") {
+        let file = entry.expect("it can be listed").path();
+        if file.extension().is_none_or(|e| e != "ply") {
+            continue;
+        }
+        let name = file.display().to_string();
+        let mut thing = object(Shape::Mesh { file }, Material::Interface);
+        thing.interior = Some(Optics {
+            extinction: Rgb::ONE,
+            albedo: Rgb::ONE,
+            phase: Phase::Isotropic,
+        });
+        let surfaces = Surfaces::build(&[thing], DVec3::ZERO).expect(&name);
+        assert_eq!(surfaces.warnings(), [], "{name}");
+        let (min, max) = surfaces.bounds().expect("it has triangles");
+        let mut inside = 0;
+        for _ in 0..200_000 {
+            let p = min + Vec3::from_array(uniforms(&mut rng)) * (max - min);
+            if inside < 2000 && surfaces.inside_at(p).owner().is_some() {
+                inside += 1;
+                let hit = surfaces.intersect(p, direction(&mut rng), f32::INFINITY);
+                assert!(hit.is_some(), "{name}: leaks from {p}");
+            }
+            if inside == 2000 {
+                break;
+            }
+        }
+        assert!(inside > 100, "{name}: {inside} points inside");
+        meshes += 1;
+    }
+    assert!(meshes >= 9, "only {meshes} meshes");
 }
