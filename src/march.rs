@@ -24,6 +24,7 @@ use crate::spectrum::Spectrum;
 use crate::tracking::Counters;
 
 use crate::grid::walk::{Piece, walk};
+use wide::f32x8;
 
 /// Optical depth, in the thinnest channel, beyond which a ray is not followed. Lower: energy is
 /// lost visibly (e^-8 = 3e-4); higher: dense clouds are marched for what f32 cannot add.
@@ -80,8 +81,8 @@ impl<S: Spectrum> Default for Profile<S> {
     }
 }
 
-/// Bins of a profile for each knot: one is as good as two, and none cost a binary search.
-const BINS_PER_KNOT: f32 = 1.0;
+/// Bins of a profile for each knot: enough that a reading scans one knot or two.
+const BINS_PER_KNOT: f32 = 2.0;
 
 impl<S: Spectrum> Profile<S> {
     /// Marches [0, t_max] of `ray` through the media.
@@ -175,6 +176,15 @@ impl<S: Spectrum> Profile<S> {
             }
         }
         (S::transmittance(tau), density)
+    }
+
+    /// The profile of the only medium on the ray, to be read eight points at a time.
+    #[inline]
+    pub(crate) fn only(&self) -> Option<OnlyMedium<'_, S>> {
+        match &self.media[..self.used] {
+            [profile] => Some(OnlyMedium(profile)),
+            _ => None,
+        }
     }
 
     /// Optical depth from the ray's start to t.
@@ -474,6 +484,54 @@ impl<S: Spectrum> MediumProfile<S> {
             };
         }
         s.mul_add(length, a.t)
+    }
+}
+
+/// The profile of a ray with one medium.
+pub(crate) struct OnlyMedium<'a, S>(&'a MediumProfile<S>);
+
+impl<S: Spectrum> OnlyMedium<'_, S> {
+    /// Index of the medium.
+    #[inline]
+    pub(crate) fn medium(&self) -> usize {
+        self.0.medium
+    }
+
+    /// Extinction where the density is 1. \[1/m\]
+    #[inline]
+    pub(crate) fn sigma_t(&self) -> S {
+        self.0.sigma_t
+    }
+
+    /// Integral of the density, and the density, at eight points: [`hermite`] and [`slope`].
+    #[inline]
+    pub(crate) fn read(&self, t: [f32; 8]) -> (f32x8, f32x8) {
+        let mut at = [[0.0f32; 8]; 6];
+        for lane in 0..8 {
+            let (a, b, _) = self.0.locate(t[lane]);
+            let knots = [a.t, a.depth, a.density, b.t, b.depth, b.density];
+            for (row, value) in at.iter_mut().zip(knots) {
+                row[lane] = value;
+            }
+        }
+        let [a_t, a_depth, a_density, b_t, b_depth, b_density] = at.map(f32x8::from);
+        let (t, zero, one) = (f32x8::from(t), f32x8::ZERO, f32x8::ONE);
+        let length = b_t - a_t;
+        let rise = b_depth - a_depth;
+        let some = length.simd_gt(zero);
+        let per_length = some.select(one / length, zero);
+        let s = some.select(((t - a_t) * per_length).fast_max(zero).fast_min(one), one);
+        let (start, end) = (a_density * length, b_density * length);
+        let cubic = start + end - rise - rise;
+        let square = rise - start - cubic;
+        let depth = s.mul_add(s.mul_add(s.mul_add(cubic, square), start), a_depth);
+        let bump = f32x8::splat(6.0)
+            * s
+            * (one - s)
+            * (rise * per_length - f32x8::HALF * (a_density + b_density));
+        let density = ((b_density - a_density).mul_add(s, a_density) + bump).fast_max(zero);
+        let inside = some & t.simd_ge(a_t) & t.simd_le(b_t);
+        (depth, inside.select(density, zero))
     }
 }
 

@@ -12,6 +12,8 @@
 
 use std::f32::consts::FRAC_1_PI;
 
+use wide::f32x8;
+
 use crate::scene::Kernel;
 
 /// Shape at x = d^2 / r^2 in [0, 1), and its factor over the disc of radius 1.
@@ -22,6 +24,8 @@ pub trait KernelShape: Copy + Send + Sync + 'static {
     const BALL: f32;
     /// The shape; 1 in the middle.
     fn shape(x: f32) -> f32;
+    /// The shape at eight points.
+    fn shape8(x: f32x8) -> f32x8;
 }
 
 /// Constant.
@@ -41,6 +45,10 @@ impl KernelShape for Constant {
     fn shape(_x: f32) -> f32 {
         1.0
     }
+    #[inline]
+    fn shape8(_x: f32x8) -> f32x8 {
+        f32x8::ONE
+    }
 }
 
 impl KernelShape for Epanechnikov {
@@ -50,6 +58,10 @@ impl KernelShape for Epanechnikov {
     fn shape(x: f32) -> f32 {
         1.0 - x
     }
+    #[inline]
+    fn shape8(x: f32x8) -> f32x8 {
+        f32x8::ONE - x
+    }
 }
 
 impl KernelShape for Biweight {
@@ -58,6 +70,10 @@ impl KernelShape for Biweight {
     #[inline]
     fn shape(x: f32) -> f32 {
         (1.0 - x) * (1.0 - x)
+    }
+    #[inline]
+    fn shape8(x: f32x8) -> f32x8 {
+        (f32x8::ONE - x) * (f32x8::ONE - x)
     }
 }
 

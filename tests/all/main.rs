@@ -1,12 +1,12 @@
 //! All integration tests in one binary.
 
-mod surface;
-mod vdb_bad;
-mod vdb_corpus;
-mod vdb_files;
-mod surface;
 mod cli;
 mod film_image;
 mod scene_file;
+mod surface;
+mod surface;
+mod vdb_bad;
 mod vdb_corpus;
+mod vdb_corpus;
+mod vdb_files;
 mod vdb_files;
