@@ -26,7 +26,7 @@ use crate::tracking::Sampler;
 use crate::world::World;
 
 /// Distances sampled on each ray for each light (or picked light).
-pub const SAMPLES: u32 = 4;
+pub const SAMPLES: u32 = 8;
 
 /// Lights up to which every one is sampled; more are picked from.
 const ALL_LIGHTS: usize = 3;
