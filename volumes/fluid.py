@@ -51,9 +51,9 @@ class Fluid:
     """Velocity, passive scalars and a ball on one grid.
 
     shape: cells (x, y, z); h: cell size [m]; ball: (x, y, z, radius) in cell
-    units, or None; epsilon: strength of the confinement [1]."""
+    units, or None; epsilon: strength of the confinement [1/s]."""
 
-    def __init__(self, shape, h, epsilon, ball=None, tolerance=2e-3):
+    def __init__(self, shape, h, epsilon, ball=None, tolerance=1e-2):
         self.shape, self.h, self.epsilon, self.tolerance = shape, h, epsilon, tolerance
         self.ball = np.array(ball if ball else (0.0, 0.0, 0.0, 0.0), np.float32)
         self.velocity = [np.zeros([n + (a == b) for b, n in enumerate(shape)], np.float32)
@@ -74,6 +74,13 @@ class Fluid:
     def add_scalar(self, name):
         """A quantity carried along at cell centres, 0 at first."""
         self.scalars[name] = np.zeros(self.shape, np.float32)
+
+    def refine_from(self, coarse):
+        """Takes over the velocity and scalars of a fluid with cells twice the size."""
+        for offset, q, out in zip(FACES, coarse.velocity, self.velocity):
+            kernels.refine(q, offset, out)
+        for name, q in coarse.scalars.items():
+            kernels.refine(q, CENTRE, self.scalars[name])
 
     def _open_part(self, offset, shape):
         """1/2 + signed distance to the ball in cells, clamped to [0, 1]."""

@@ -15,6 +15,7 @@ import time
 from pathlib import Path
 
 import cumulus
+import fire
 import smoke
 import vdbout
 
@@ -33,6 +34,10 @@ def make_cumulus(folder, coarse):
     cumulus.write(folder / "cumulus.vdb", halved(cumulus.CELLS) if coarse else cumulus.CELLS)
 
 
+def make_fire(folder, coarse):
+    fire.write(folder / "fire.vdb", halved(fire.CELLS) if coarse else fire.CELLS)
+
+
 def table(folder):
     """Markdown table of every grid in the folder's files, read back by the library."""
     print("| file | MB | grid | type | active voxels | active box x y z | voxel [m] | min | max |")
@@ -49,7 +54,7 @@ def _number(value):
     return " ".join(f"{v:.3g}" for v in values)
 
 
-MAKERS = {"smoke": make_smoke, "cumulus": make_cumulus}
+MAKERS = {"smoke": make_smoke, "cumulus": make_cumulus, "fire": make_fire}
 
 
 def main():

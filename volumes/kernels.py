@@ -7,7 +7,7 @@ velocity components u, v, w [m/s] at the centres of the faces normal to x, y, z,
 The vertical axis is y.
 
 Advection, ∂q/∂t + u·∇q = 0, by the unconditionally stable MacCormack scheme of
-Selle, Fedkiw, Kim, Liu & Rossignac 2008 (eq. 5 to 7):
+Selle, Fedkiw, Kim, Liu & Rossignac 2008:
     q̂  = A(q),   q̃ = Aᴿ(q̂),   q' = q̂ + (q - q̃)/2,
 with A a semi-Lagrangian step (second-order Runge-Kutta trace, trilinear
 lookup), Aᴿ the same backwards in time, and q' clamped to the eight values A has
@@ -150,6 +150,19 @@ def mirror_into_ball(q, ball, depth):
                     s = max(2.0 * ball[3] - distance, ball[3] + 1.8) / distance
                     q[i, j, k] = lookup(q, ball[0] + s * dx - 0.5, ball[1] + s * dy - 0.5,
                                         ball[2] + s * dz - 0.5)
+
+
+@njit(parallel=True, cache=True)
+def refine(coarse, offset, out):
+    """Trilinear values of `coarse` on a grid of half its cell size; the samples
+    of both sit at index + offset, in cells of their own."""
+    ox, oy, oz = offset
+    nx, ny, nz = out.shape
+    for i in prange(nx):
+        for j in range(ny):
+            for k in range(nz):
+                out[i, j, k] = lookup(coarse, HALF * (i + ox) - ox, HALF * (j + oy) - oy,
+                                      HALF * (k + oz) - oz)
 
 
 @njit(parallel=True, cache=True)

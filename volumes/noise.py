@@ -18,6 +18,7 @@ Everything is a pure function of (point, seed): no tables, no state.
 
 import math
 
+import numpy as np
 from numba import njit
 
 LACUNARITY = 2.03
@@ -87,3 +88,15 @@ def worley(x, y, z, seed):
                 dx, dy, dz = i + a + px - x, j + b + py - y, k + c + pz - z
                 nearest = min(nearest, dx * dx + dy * dy + dz * dz)
     return math.sqrt(nearest)
+
+
+@njit(cache=True)
+def patches(positions, rise, grain, seed):
+    """Blotches in [0, 1] of size `grain` [m] and down at positions [m], the
+    pattern lifted by `rise` [m]: what makes a burner or a plate uneven."""
+    out = np.empty(positions.shape[0], np.float32)
+    for n in range(positions.shape[0]):
+        x, y, z = positions[n]
+        value = fbm(x / grain, (y - rise) / grain, z / grain, 3, 0.6, seed)
+        out[n] = min(max(0.5 + 1.6 * value, 0.0), 1.0)
+    return out

@@ -1,4 +1,4 @@
-"""Rising smoke that meets a ball, after figure 1 of Fedkiw, Stam & Jensen 2001.
+"""Rising smoke that meets a ball, after the pictures of Fedkiw, Stam & Jensen 2001.
 
 Warm smoke leaves a round plate, rises, wraps itself around a ball and breaks
 into billows above it.  The force per mass of the paper (eq. 8) is
@@ -9,12 +9,15 @@ from the grid's.
 
 The plate feeds ρ, T and an upward speed into a thin cylinder, all three
 modulated by gradient noise that drifts through it, so that the column is uneven
-and turns turbulent; a plume from an even plate would stay a smooth tube until
-well past the ball.
+and turns turbulent early.
+
+For PRELUDE seconds the plate heats without smoking, on cells of twice the size.
+The cap that any starting plume wears is gone by then (with it, the smoke had
+spread across the whole box just above the ball), and the smoke enters a plume
+that stands.
 """
 
 import numpy as np
-from numba import njit
 
 import noise
 import vdbout
@@ -27,27 +30,19 @@ CORNER = (-64 * H, 0.0, -64 * H)  # world position of the grid's lower corner [m
 BALL_CENTRE = (0.03, 0.75, 0.01)  # [m]; a little off the axis, so the plume parts unevenly
 BALL_RADIUS = 0.16  # [m]
 
-PLATE_HEIGHT, PLATE_RADIUS, PLATE_THICKNESS = 0.10, 0.10, 0.03  # [m]
+PLATE_HEIGHT, PLATE_RADIUS, PLATE_THICKNESS = 0.10, 0.10, 0.05  # [m]
 PLATE_SPEED = 1.0  # [m/s]
+GRAIN = 0.06  # largest blotches of the plate [m]
+RISE = 0.9  # speed at which their pattern drifts up [m/s]
 HEAT = 150.0  # [K]
 BETA = 9.81 / 293.0
 ALPHA = 0.25
-EPSILON = 0.25  # confinement; at 0 detail dies above the ball, at 1 it boils like a fluid of its own
+EPSILON = 4.0  # strength of the vorticity confinement [1/s]
 CFL = 3.5
-FRAME = 0.36  # time between written frames [s]
+PRELUDE = 3.0  # [s]
+FRAME = 0.25  # time between written frames [s]
 FRAMES = 6
 THRESHOLD = 0.006  # density below which a voxel is left out
-
-
-@njit(cache=True)
-def _uneven(positions, time, seed):
-    """Drifting noise in [0, 1] at positions [m]: grains of 6 cm and down."""
-    out = np.empty(positions.shape[0], np.float32)
-    for n in range(positions.shape[0]):
-        x, y, z = positions[n]
-        value = noise.fbm(x / 0.06, (y - 0.9 * time) / 0.06, z / 0.06, 3, 0.6, seed)
-        out[n] = min(max(0.5 + 1.6 * value, 0.0), 1.0)
-    return out
 
 
 class Plate:
@@ -63,37 +58,49 @@ class Plate:
         # Full in the middle, gone at the rim.
         self.profile = np.clip(4.0 * (1.0 - r[inside] / PLATE_RADIUS), 0.0, 1.0)
 
-    def feed(self, fluid, time):
+    def feed(self, fluid, time, smoke):
         """Sets smoke, heat and speed in the cells of the plate."""
-        grain = _uneven(self.positions, time, 5)
-        warm = _uneven(self.positions, time, 11)
+        grain, warm, sway_x, sway_z = (
+            noise.patches(self.positions, RISE * time, GRAIN, seed) for seed in (5, 11, 23, 31))
         density, heat = fluid.scalars["density"], fluid.scalars["temperature"]
         density[self.cells] = np.maximum(density[self.cells],
-                                         self.profile * (0.35 + 0.65 * grain))
+                                         smoke * self.profile * (0.35 + 0.65 * grain))
         heat[self.cells] = np.maximum(heat[self.cells], HEAT * self.profile * (0.4 + 0.6 * warm))
         fluid.velocity[1][self.cells] = PLATE_SPEED * self.profile * (0.3 + 1.4 * warm)
-        for axis, seed in ((0, 23), (2, 31)):
-            sway = 2.0 * _uneven(self.positions, time, seed) - 1.0
-            fluid.velocity[axis][self.cells] = 0.5 * PLATE_SPEED * self.profile * sway
+        for axis, sway in ((0, sway_x), (2, sway_z)):
+            fluid.velocity[axis][self.cells] = 0.5 * PLATE_SPEED * self.profile * (2.0 * sway - 1.0)
 
 
-def simulate(cells=CELLS):
-    """Yields (frame, fluid) for frames 1 .. FRAMES; `cells` may be coarser for a trial."""
+def _fluid(cells):
+    """The fluid at rest, its plate, and the ball, on a grid of `cells` over the same box."""
     h = H * CELLS[0] / cells[0]
     ball = [(c - o) / h for c, o in zip(BALL_CENTRE, CORNER)] + [BALL_RADIUS / h]
     fluid = Fluid(cells, h, EPSILON, tuple(ball))
     fluid.add_scalar("density")
     fluid.add_scalar("temperature")
-    plate = Plate(h, cells, CORNER)
-    time = 0.0
+    return fluid, Plate(h, cells, CORNER)
+
+
+def _run(fluid, plate, start, end, smoke):
+    """Advances from time `start` to `end` [s], the plate's smoke scaled by `smoke`."""
+    time = start
+    while time < end - 1e-6:
+        left = end - time
+        dt = min(left / fluid.steps_for(left, CFL), 0.02)
+        plate.feed(fluid, time, smoke)
+        lift = BETA * fluid.scalars["temperature"] - ALPHA * fluid.scalars["density"]
+        fluid.step(dt, lift)
+        time += dt
+
+
+def simulate(cells=CELLS):
+    """Yields (frame, fluid) for frames 1 .. FRAMES; `cells` may be coarser for a trial."""
+    coarse, plate = _fluid(tuple(n // 2 for n in cells))
+    _run(coarse, plate, -PRELUDE, 0.0, 0.0)
+    fluid, plate = _fluid(cells)
+    fluid.refine_from(coarse)
     for frame in range(1, FRAMES + 1):
-        while time < frame * FRAME - 1e-6:
-            left = frame * FRAME - time
-            dt = min(left / fluid.steps_for(left, CFL), 0.02)
-            plate.feed(fluid, time)
-            lift = BETA * fluid.scalars["temperature"] - ALPHA * fluid.scalars["density"]
-            fluid.step(dt, lift)
-            time += dt
+        _run(fluid, plate, (frame - 1) * FRAME, frame * FRAME, 1.0)
         yield frame, fluid
 
 
