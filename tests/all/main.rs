@@ -3,3 +3,5 @@
 mod vdb_bad;
 mod vdb_corpus;
 mod vdb_files;
+mod vdb_mutations;
+mod vdb_names;
