@@ -74,8 +74,8 @@ fn busy() -> f64 {
     nanoseconds.map_or(f64::INFINITY, |ns| 1e-9 * ns)
 }
 
-/// Our time and active voxels.
-fn load(file: &Path) -> (Time, u64) {
+/// Our time, active voxels and bytes of bricks.
+fn load(file: &Path) -> (Time, u64, usize) {
     let (start, began) = (Instant::now(), busy());
     let archive = Archive::open(file).expect("the file opens");
     let found = archive.find("density").expect("the grid is there");
@@ -99,7 +99,14 @@ fn load(file: &Path) -> (Time, u64) {
         .flatten()
         .map(|w| u64::from(w.count_ones()))
         .sum();
-    (time, voxels)
+    (time, voxels, 4 * bricks.len())
+}
+
+/// The most memory this process has held.
+fn peak() -> String {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let peak = status.lines().find_map(|l| l.strip_prefix("VmHWM:"));
+    peak.map_or("unknown".to_owned(), |p| p.trim().to_owned())
 }
 
 fn pool(threads: usize) -> rayon::ThreadPool {
@@ -127,9 +134,10 @@ fn main() {
             continue;
         }
         let (mut first, mut second, mut theirs) = (Time::NONE, Time::NONE, Time::NONE);
-        let (mut voxels, mut version) = (0, None);
+        let (mut voxels, mut bricks, mut version) = (0, 0, None);
         for _ in 0..ROUNDS {
-            let (time, ours) = one.install(|| load(&file));
+            let (time, ours, size) = one.install(|| load(&file));
+            bricks = size;
             first.best(time);
             second.best(two.install(|| load(&file)).0);
             if let Some((time, count, name)) = load_openvdb(&file) {
@@ -167,6 +175,12 @@ fn main() {
         println!(
             "  ours, 2 threads  {}  {gain:.2} x as fast",
             rate(second.seconds)
+        );
+        let size = std::fs::metadata(&file).map_or(0, |m| m.len()) as usize;
+        let held = (size + bricks) / 1024;
+        println!(
+            "  file and bricks  {held} kB; peak of memory so far {}",
+            peak()
         );
     }
 }
