@@ -240,3 +240,42 @@ fn grids_behind_points_in_a_streamed_file_are_said_to_be_lost() {
         "{e}"
     );
 }
+
+#[test]
+fn grids_that_share_their_metadata_do_not_multiply_it() {
+    // A file with offsets: many descriptors, each of which points to the same long metadata.
+    const GRIDS: usize = 2000;
+    let mut b = Bytes::header(224, GRIDS as u32);
+    b.0[20] = 1;
+    let descriptor = |head: i64, end: i64| {
+        let b = Bytes::default().u32(0).string("Tree_float_5_4_3").u32(0);
+        b.raw(&head.to_le_bytes())
+            .raw(&head.to_le_bytes())
+            .raw(&end.to_le_bytes())
+            .0
+    };
+    let length = descriptor(0, 0).len();
+    let head = (b.0.len() + GRIDS * length) as i64;
+    for i in 0..GRIDS {
+        let end = (b.0.len() + length) as i64;
+        b = b.raw(&descriptor(head, if i + 1 < GRIDS { end } else { 0 }));
+    }
+    b = b
+        .u32(MASK)
+        .u32(1)
+        .string("note")
+        .string("string")
+        .string(&"x".repeat(1 << 20));
+    b = (0..15).fold(b.string("UniformScaleMap"), |b, _| {
+        b.raw(&1f64.to_le_bytes())
+    });
+    let archive = open(b);
+    let held: usize = archive.grids().iter().map(|g| g.metadata.0.len()).sum();
+    assert_eq!(
+        (archive.grids().len(), held),
+        (GRIDS, 1),
+        "only the first keeps its metadata"
+    );
+    let e = archive.read_scalar(1).unwrap_err().to_string();
+    assert!(e.contains("grids overlap"), "{e}");
+}
