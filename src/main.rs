@@ -1,3 +1,23 @@
-//! The `vpm-vdb` command.
+//! The `vpm-vdb` command: parse, run, print the error chain once, exit code.
 
-fn main() {}
+mod cli;
+mod engine;
+mod run;
+
+use std::process::ExitCode;
+
+/// Bad input: the command line (clap exits with the same), a file, a scene.
+const BAD_INPUT: u8 = 2;
+
+fn main() -> ExitCode {
+    let cli = cli::parse();
+    match run::run(&cli) {
+        Ok(code) => code,
+        // Whoever read our output, such as `head`, has read enough.
+        Err(e) if run::is_broken_pipe(&e) => ExitCode::SUCCESS,
+        Err(e) => {
+            eprintln!("error: {e:#}");
+            ExitCode::from(BAD_INPUT)
+        }
+    }
+}

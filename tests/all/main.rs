@@ -1,5 +1,9 @@
 //! All integration tests in one binary.
 
+mod cli;
+mod film_image;
+mod scene_file;
+mod surface;
 mod vdb_bad;
 mod vdb_corpus;
 mod vdb_files;

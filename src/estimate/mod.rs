@@ -1,0 +1,21 @@
+//! Radiance along a camera ray.
+//!
+//! ```text
+//! L = emission + first order (sampled) + photon estimate + T(end) * background
+//! ```
+//!
+//! | file | part |
+//! |---|---|
+//! | `direct` | first order, sampled at points along the ray |
+//! | `beam` | photons along the ray: beam radiance estimate, per ray |
+//! | `tiles` | the same for 8 x 8 camera rays at a time |
+//! | `emission` | light emitted along the ray |
+//! | `kernel` | kernels |
+//!
+//! All read one optical-depth profile of the ray (`march`).
+
+pub mod beam;
+pub mod direct;
+pub mod emission;
+pub mod kernel;
+pub mod tiles;

@@ -1,0 +1,390 @@
+//! The beam radiance estimate for 8 x 8 camera rays at a time.
+//!
+//! Camera rays of a pinhole are coherent: a photon's sphere projects to a small rectangle of
+//! pixels. Photons are sorted into bands of 8 rows, each band's photons into tiles of 8 columns,
+//! and each photon of a tile is tested against the tile's rays eight at a time,
+//!
+//! ```text
+//! t = v . d      c = v - t d      pierced if |c|^2 < r^2 and 0 < t < t_end      v = photon - camera
+//! ```
+//!
+//! one row of pixels per SIMD operation, only the rows that the sphere can reach. A photon is
+//! fetched once for 64 rays; nothing is traversed. The sum is the one of `beam`, in the order of
+//! the photons: the result does not depend on how the work was split.
+//!
+//! The projected rectangle is exact: a sphere of radius r at (x, z), z > r, is seen between the
+//! slopes (x z -+ r sqrt(x^2 + z^2 - r^2)) / (z^2 - r^2). A sphere that reaches the plane of the
+//! camera is put into every tile.
+
+use glam::Vec3;
+use rayon::prelude::*;
+use wide::f32x8;
+
+use crate::camera::Camera;
+use crate::estimate::beam::{MAX_CONTRAST, contribution};
+use crate::estimate::kernel::KernelShape;
+use crate::march::{OnlyMedium, Profile};
+use crate::math::exp8;
+use crate::medium::Medium;
+use crate::phase::{ISOTROPIC, PhaseFunction};
+use crate::photon::{Heading, Photon};
+use crate::ray::Ray;
+use crate::spectrum::Spectrum;
+use crate::tracking::Counters;
+
+/// Pixels of a tile along an edge: the lanes of a SIMD register.
+pub const TILE: u32 = 8;
+/// Rays of a tile.
+pub const TILE_RAYS: usize = 64;
+
+/// Photons sorted by one unit of parallel work.
+const CHUNK: usize = 1 << 14;
+
+/// Pixels of a picture that are rendered, in tiles.
+#[derive(Debug, Clone, Copy)]
+pub struct TileGrid {
+    /// First pixel.
+    pub low: [u32; 2],
+    /// Last pixel, exclusive.
+    pub high: [u32; 2],
+}
+
+impl TileGrid {
+    /// Tiles across.
+    #[must_use]
+    pub fn columns(&self) -> u32 {
+        (self.high[0] - self.low[0]).div_ceil(TILE)
+    }
+
+    /// Bands of tiles.
+    #[must_use]
+    pub fn bands(&self) -> u32 {
+        (self.high[1] - self.low[1]).div_ceil(TILE)
+    }
+
+    /// The pixels of a sphere, in rows and columns of the grid: first and last of each; none
+    /// where no ray of the grid can meet it.
+    fn footprint(
+        &self,
+        camera: &Camera,
+        frame: &[Vec3; 3],
+        center: Vec3,
+        radius: f32,
+    ) -> Option<[[u32; 2]; 2]> {
+        let to = center - camera.position;
+        let z = to.dot(frame[2]);
+        if z <= -radius {
+            return None;
+        }
+        let scale = camera.pixels_per_slope();
+        let middle = camera.principal_point();
+        let mut out = [[0, 0]; 2];
+        for axis in 0..2 {
+            let size = self.high[axis] - self.low[axis];
+            if z <= radius {
+                out[axis] = [0, size - 1];
+                continue;
+            }
+            let x = to.dot(frame[axis]) * if axis == 0 { 1.0 } else { -1.0 };
+            let denominator = (z - radius) * (z + radius);
+            let root = radius * (x * x + denominator).sqrt();
+            // Rays start within their pixel; a hundredth covers rounding.
+            let a = (x * z - root) / denominator * scale[axis] + middle[axis]
+                - self.low[axis] as f32
+                - 0.01;
+            let b = (x * z + root) / denominator * scale[axis] + middle[axis]
+                - self.low[axis] as f32
+                + 0.01;
+            if !(b >= 0.0 && a < size as f32) {
+                return None;
+            }
+            out[axis] = [a.max(0.0) as u32, (b as u32).min(size - 1)];
+        }
+        Some(out)
+    }
+}
+
+/// A photon in a band: its index, and the first and last of its columns and of the band's rows.
+#[derive(Debug, Clone, Copy)]
+struct Entry {
+    photon: u32,
+    columns: [u16; 2],
+    rows: [u8; 2],
+}
+
+/// Photons sorted into bands of a picture.
+#[derive(Debug)]
+pub struct Bands {
+    /// By chunk of photons and band, in order.
+    entries: Vec<Vec<Vec<Entry>>>,
+}
+
+impl Bands {
+    /// Sorts photons into the bands of a picture.
+    #[must_use]
+    pub fn new<S: Spectrum, H: Heading>(
+        photons: &[Photon<S, H>],
+        camera: &Camera,
+        grid: &TileGrid,
+    ) -> Self {
+        let frame = camera.frame();
+        let entries = photons
+            .par_chunks(CHUNK)
+            .enumerate()
+            .map(|(chunk, photons)| {
+                let mut bands = vec![Vec::new(); grid.bands() as usize];
+                for (i, photon) in photons.iter().enumerate() {
+                    let Some([[c0, c1], [r0, r1]]) =
+                        grid.footprint(camera, &frame, photon.position, photon.radius)
+                    else {
+                        continue;
+                    };
+                    let index = (chunk * CHUNK + i) as u32;
+                    let columns = [(c0 / TILE) as u16, (c1 / TILE) as u16];
+                    for band in r0 / TILE..=r1 / TILE {
+                        let first = r0.max(band * TILE) - band * TILE;
+                        let last = r1.min(band * TILE + TILE - 1) - band * TILE;
+                        bands[band as usize].push(Entry {
+                            photon: index,
+                            columns,
+                            rows: [first as u8, last as u8],
+                        });
+                    }
+                }
+                bands
+            })
+            .collect();
+        Self { entries }
+    }
+
+    /// The photons of each tile of a band.
+    #[must_use]
+    pub fn tiles(&self, band: u32, grid: &TileGrid) -> BandTiles {
+        let columns = grid.columns() as usize;
+        let mut start = vec![0u32; columns + 1];
+        let entries = || self.entries.iter().flat_map(|chunk| &chunk[band as usize]);
+        for entry in entries() {
+            for column in entry.columns[0]..=entry.columns[1] {
+                start[column as usize + 1] += 1;
+            }
+        }
+        for column in 0..columns {
+            start[column + 1] += start[column];
+        }
+        let mut next = start.clone();
+        let mut photons = vec![(0u32, [0u8; 2]); start[columns] as usize];
+        for entry in entries() {
+            for column in entry.columns[0]..=entry.columns[1] {
+                let slot = &mut next[column as usize];
+                photons[*slot as usize] = (entry.photon, entry.rows);
+                *slot += 1;
+            }
+        }
+        BandTiles { start, photons }
+    }
+}
+
+/// Photons of the tiles of one band: index, and first and last row of pixels.
+#[derive(Debug)]
+pub struct BandTiles {
+    start: Vec<u32>,
+    photons: Vec<(u32, [u8; 2])>,
+}
+
+impl BandTiles {
+    /// The photons of a tile.
+    #[must_use]
+    pub fn tile(&self, column: u32) -> &[(u32, [u8; 2])] {
+        &self.photons
+            [self.start[column as usize] as usize..self.start[column as usize + 1] as usize]
+    }
+}
+
+/// The rays of a tile, in rows of eight, and what their profiles hold.
+#[derive(Debug)]
+pub struct TileRays<S> {
+    /// Rays; unused ones never meet anything.
+    pub rays: Vec<Ray>,
+    /// Profiles of the rays.
+    pub profiles: Vec<Profile<S>>,
+    direction: [[f32x8; 8]; 3],
+    t_end: [f32x8; 8],
+    /// Scratch: photons that each ray pierces.
+    hits: Vec<Vec<Pierced>>,
+}
+
+impl<S: Spectrum> Default for TileRays<S> {
+    fn default() -> Self {
+        Self {
+            rays: vec![
+                Ray {
+                    origin: Vec3::ZERO,
+                    direction: Vec3::Z
+                };
+                TILE_RAYS
+            ],
+            profiles: (0..TILE_RAYS).map(|_| Profile::default()).collect(),
+            direction: [[f32x8::ZERO; 8]; 3],
+            t_end: [f32x8::ZERO; 8],
+            hits: vec![Vec::new(); TILE_RAYS],
+        }
+    }
+}
+
+impl<S: Spectrum> TileRays<S> {
+    /// Takes rays and profiles into the registers' layout; `used` tells which rays there are.
+    pub fn arrange(&mut self, used: &[bool; TILE_RAYS]) {
+        for row in 0..8 {
+            let lane = |f: &dyn Fn(usize) -> f32| {
+                f32x8::from(std::array::from_fn::<f32, 8, _>(|i| f(8 * row + i)))
+            };
+            for axis in 0..3 {
+                self.direction[axis][row] = lane(&|i| self.rays[i].direction[axis]);
+            }
+            // A clear ray has nowhere for a photon to be.
+            let end = |i: usize| {
+                if used[i] && !self.profiles[i].is_clear() {
+                    self.profiles[i].t_end
+                } else {
+                    0.0
+                }
+            };
+            self.t_end[row] = lane(&end);
+        }
+    }
+
+    /// Adds the radiance of a tile's photons to each ray's sum.
+    pub fn gather<H: Heading, K: KernelShape>(
+        &mut self,
+        media: &[Medium<S>],
+        camera: Vec3,
+        photons: &[Photon<S, H>],
+        tile: &[(u32, [u8; 2])],
+        sums: &mut [S; TILE_RAYS],
+        counters: &mut Counters,
+    ) {
+        self.find(camera, photons, tile);
+        for (ray, sum) in sums.iter_mut().enumerate() {
+            let hits = &mut self.hits[ray];
+            counters.gathered_photons += hits.len() as u64;
+            let (profile, camera_ray) = (&self.profiles[ray], &self.rays[ray]);
+            if let Some(only) = profile.only() {
+                let phase = &media[only.medium()].phase;
+                for eight in hits.chunks(8) {
+                    *sum += eight_photons::<S, H, K>(&only, phase, camera_ray, photons, eight);
+                }
+            } else {
+                for hit in hits.iter() {
+                    let photon = &photons[hit.photon as usize];
+                    *sum +=
+                        contribution::<S, H, K>(media, profile, camera_ray, photon, hit.t, hit.d2);
+                }
+            }
+            hits.clear();
+        }
+    }
+
+    /// Lists for each ray the photons that it pierces. Kept apart from adding them up: so each
+    /// ray's profile stays in the nearest cache while its photons read it.
+    fn find<H: Heading>(
+        &mut self,
+        camera: Vec3,
+        photons: &[Photon<S, H>],
+        tile: &[(u32, [u8; 2])],
+    ) {
+        let zero = f32x8::ZERO;
+        for (index, [first, last]) in tile {
+            let photon = &photons[*index as usize];
+            let v = photon.position - camera;
+            let [x, y, z] = [v.x, v.y, v.z].map(f32x8::splat);
+            let r2 = f32x8::splat(photon.radius * photon.radius);
+            for row in usize::from(*first)..=usize::from(*last).min(7) {
+                let [dx, dy, dz] = [
+                    self.direction[0][row],
+                    self.direction[1][row],
+                    self.direction[2][row],
+                ];
+                let t = x.mul_add(dx, y.mul_add(dy, z * dz));
+                let (cx, cy, cz) = (x - t * dx, y - t * dy, z - t * dz);
+                let d2 = cx.mul_add(cx, cy.mul_add(cy, cz * cz));
+                let pierced = d2.simd_lt(r2) & t.simd_gt(zero) & t.simd_lt(self.t_end[row]);
+                let mut lanes = pierced.to_bitmask();
+                if lanes == 0 {
+                    continue;
+                }
+                let (t, d2) = (t.to_array(), d2.to_array());
+                while lanes != 0 {
+                    let lane = lanes.trailing_zeros() as usize & 7;
+                    lanes &= lanes - 1;
+                    self.hits[8 * row + lane].push(Pierced {
+                        photon: *index,
+                        t: t[lane],
+                        d2: d2[lane],
+                    });
+                }
+            }
+        }
+    }
+}
+
+/// What up to eight photons of a ray through one medium add: [`contribution`], side by side.
+#[inline]
+fn eight_photons<S: Spectrum, H: Heading, K: KernelShape>(
+    only: &OnlyMedium<'_, S>,
+    phase: &PhaseFunction,
+    ray: &Ray,
+    photons: &[Photon<S, H>],
+    hits: &[Pierced],
+) -> S {
+    let [mut t, mut d2, mut inverse, mut density, mut share] = [[0.0f32; 8]; 5];
+    let mut power = [S::ZERO; 8];
+    // Lanes without a photon read the profile where one is, and carry no power.
+    let Some(last) = hits.last() else {
+        return S::ZERO;
+    };
+    for lane in 0..8 {
+        let hit = hits.get(lane).unwrap_or(last);
+        let photon = &photons[hit.photon as usize];
+        t[lane] = hit.t;
+        d2[lane] = hit.d2;
+        inverse[lane] = 1.0 / (photon.radius * photon.radius);
+        density[lane] = photon.density;
+        share[lane] = if H::KEPT {
+            phase.p(photon.heading.direction(), -ray.direction)
+        } else {
+            ISOTROPIC
+        };
+        if lane < hits.len() {
+            power[lane] = photon.power;
+        }
+    }
+    let (depth, on_ray) = only.read(t);
+    let inverse = f32x8::from(inverse);
+    let kernel = f32x8::splat(K::DISC) * inverse * K::shape8(f32x8::from(d2) * inverse);
+    let contrast = (on_ray / f32x8::from(density)).fast_min(f32x8::splat(MAX_CONTRAST));
+    let weight = (kernel * contrast * f32x8::from(share)).to_array();
+    let sigma_t = only.sigma_t();
+    let first = exp8(-(depth * f32x8::splat(sigma_t.channel(0)))).to_array();
+    let mut sum = S::ZERO;
+    if sigma_t == S::splat(sigma_t.channel(0)) {
+        for lane in 0..8 {
+            sum += power[lane] * (weight[lane] * first[lane]);
+        }
+    } else {
+        let depth = depth.to_array();
+        for lane in 0..8 {
+            sum += S::transmittance(sigma_t * depth[lane]) * power[lane] * weight[lane];
+        }
+    }
+    sum
+}
+
+/// A photon that a ray pierces.
+#[derive(Debug, Clone, Copy)]
+struct Pierced {
+    photon: u32,
+    /// Parameter of the ray's nearest point. \[m\]
+    t: f32,
+    /// Squared distance there. \[m2\]
+    d2: f32,
+}

@@ -1,0 +1,590 @@
+//! Tree to grid: leaves and tiles become bricks with aprons.
+//!
+//! Leaves are decoded straight into the low 8^3 corner of their bricks; then every brick's apron
+//! is read from its neighbours. Where a constant region (empty space, a tile) borders on other
+//! values, the cells that straddle the border need a brick of their own: those are made here, so
+//! that a lookup never looks at a neighbour. Bricks whose values turn out equal give their
+//! storage back.
+
+use glam::{DAffine3, IVec3, UVec3};
+use rayon::prelude::*;
+use thiserror::Error;
+
+use super::{
+    APRON, BRICK, BRICK_VALUES, CONSTANT, Grid, TABLE, TABLE_BRICKS, TOP_LOG2, corner_index,
+    in_table,
+};
+use crate::ray::Bounds;
+
+/// Most top cells a grid may span: 64 MiB of index. Two voxels 10^9 apart would need more;
+/// a real cloud of 2000^3 voxels has 4096.
+pub const MAX_TOP_CELLS: u64 = 1 << 24;
+
+/// Most top cells along an axis: 131,072 voxels, at which f32 coordinates still resolve 1/128 voxel.
+pub const MAX_TOP_AXIS: u32 = 1024;
+
+/// Bricks whose aprons are gathered at a time: bounds the scratch memory to a few megabytes.
+const BATCH: usize = 4096;
+
+/// A region of one value.
+#[derive(Debug, Clone, Copy)]
+pub struct Tile {
+    /// Lowest voxel; a multiple of the size. \[index\]
+    pub origin: IVec3,
+    /// log2 of the edge: 3, 7 or 12. \[voxels\]
+    pub log2_size: u32,
+    /// The value.
+    pub value: f32,
+}
+
+/// What a grid is made of, leaf values aside.
+#[derive(Debug, Clone)]
+pub struct Topology {
+    /// Value where there is neither leaf nor tile.
+    pub background: f32,
+    /// Constant regions.
+    pub tiles: Vec<Tile>,
+    /// Lowest voxel of each 8^3 leaf; a multiple of 8. \[index\]
+    pub leaves: Vec<IVec3>,
+    /// Lowest and highest active voxel; a background other than 0 ends there. \[index\]
+    pub active: Option<[IVec3; 2]>,
+    /// Index to world. \[m\]
+    pub index_to_world: DAffine3,
+}
+
+/// Why a grid cannot be built.
+#[derive(Debug, Error)]
+pub enum BuildError {
+    /// Voxels too far apart.
+    #[error(
+        "the grid spans {size} voxels, more than this renderer's index can hold: {cells} cells of 128^3 voxels, at most {MAX_TOP_CELLS} and {MAX_TOP_AXIS} along an axis"
+    )]
+    TooWide {
+        /// Extent. \[voxels\]
+        size: String,
+        /// Top cells it would take.
+        cells: u64,
+    },
+    /// More bricks than an index entry can name.
+    #[error("the grid has {bricks} bricks, more than this renderer's index can hold")]
+    TooManyBricks {
+        /// Bricks.
+        bricks: usize,
+    },
+    /// The transform cannot be inverted.
+    #[error("the grid's transform cannot be inverted")]
+    Singular,
+}
+
+/// A grid under construction.
+struct Builder {
+    grid: Grid,
+    /// Voxels outside this box are 0 whatever the tree says (backgrounds other than 0).
+    clip: Option<[IVec3; 2]>,
+}
+
+impl Grid {
+    /// Builds the grid. `decode` gets room for `leaves.len()` bricks of [`BRICK_VALUES`] and fills
+    /// the 8^3 low corner of each, value (x, y, z) at [`corner_index`].
+    ///
+    /// # Errors
+    /// [`BuildError`] as `E`, or what `decode` returns.
+    pub fn build<E: From<BuildError>>(
+        topology: &Topology,
+        decode: impl FnOnce(&mut [f32]) -> Result<(), E>,
+    ) -> Result<Self, E> {
+        let mut builder = Builder::new(topology)?;
+        builder.grid.values = vec![0.0; topology.leaves.len() * BRICK_VALUES];
+        decode(&mut builder.grid.values)?;
+        builder.place(topology);
+        builder.clip_leaves(topology);
+        builder.add_borders()?;
+        builder.fill_aprons(topology);
+        builder.compact();
+        Ok(builder.grid)
+    }
+
+    /// A grid of the values of a function over a box of voxels (inclusive); 0 outside.
+    ///
+    /// # Errors
+    /// [`BuildError`].
+    pub fn from_fn(
+        min: IVec3,
+        max: IVec3,
+        index_to_world: DAffine3,
+        f: impl Fn(IVec3) -> f32 + Sync,
+    ) -> Result<Self, BuildError> {
+        let (lo, hi) = (min >> 3i32, max >> 3i32);
+        let leaves: Vec<IVec3> = (lo.x..=hi.x)
+            .flat_map(|x| {
+                (lo.y..=hi.y)
+                    .flat_map(move |y| (lo.z..=hi.z).map(move |z| IVec3::new(x, y, z) * BRICK))
+            })
+            .collect();
+        let topology = Topology {
+            background: 0.0,
+            tiles: Vec::new(),
+            leaves,
+            active: Some([min, max]),
+            index_to_world,
+        };
+        let origins = topology.leaves.clone();
+        Self::build(&topology, |values| {
+            values
+                .par_chunks_mut(BRICK_VALUES)
+                .zip(&origins)
+                .for_each(|(brick, &origin)| {
+                    for_each_cell(|v| {
+                        let voxel = origin + v;
+                        if voxel.cmpge(min).all() && voxel.cmple(max).all() {
+                            brick[corner_index(v)] = f(voxel);
+                        }
+                    });
+                });
+            Ok(())
+        })
+    }
+}
+
+/// Calls with each of 0..8 cubed, z fastest.
+fn for_each_cell(mut f: impl FnMut(IVec3)) {
+    for x in 0..BRICK {
+        for y in 0..BRICK {
+            for z in 0..BRICK {
+                f(IVec3::new(x, y, z));
+            }
+        }
+    }
+}
+
+/// Calls with the corners of 0..=8 cubed that are not in 0..8 cubed.
+fn for_each_apron(mut f: impl FnMut(IVec3)) {
+    for x in 0..=BRICK {
+        for y in 0..=BRICK {
+            let z0 = if x == BRICK || y == BRICK { 0 } else { BRICK };
+            for z in z0..=BRICK {
+                f(IVec3::new(x, y, z));
+            }
+        }
+    }
+}
+
+impl Builder {
+    /// The empty index over the box of leaves and tiles.
+    fn new(topology: &Topology) -> Result<Self, BuildError> {
+        let map = topology.index_to_world;
+        let determinant = map.matrix3.determinant();
+        if !(determinant.is_finite() && determinant != 0.0 && map.is_finite()) {
+            return Err(BuildError::Singular);
+        }
+        let mut lo = IVec3::MAX;
+        let mut hi = IVec3::MIN;
+        for &leaf in &topology.leaves {
+            lo = lo.min(leaf);
+            hi = hi.max(leaf.saturating_add(IVec3::splat(BRICK - 1)));
+        }
+        for tile in topology.tiles.iter().filter(|tile| tile.value != 0.0) {
+            lo = lo.min(tile.origin);
+            hi = hi.max(
+                tile.origin
+                    .saturating_add(IVec3::splat((1 << tile.log2_size) - 1)),
+            );
+        }
+        let clip = if topology.background == 0.0 {
+            None
+        } else {
+            topology.active
+        };
+        if let Some([a, b]) = clip {
+            // The background fills all of the active box, and nothing is left outside it.
+            (lo, hi) = (a, b);
+        }
+        let mut grid = Self::empty(map);
+        if lo.cmple(hi).all() {
+            // One voxel more on either side, where the interpolant falls to 0.
+            let lo = lo.saturating_sub(IVec3::ONE) >> TOP_LOG2 as i32;
+            let hi = hi.saturating_add(IVec3::ONE) >> TOP_LOG2 as i32;
+            let dims = (hi - lo + IVec3::ONE).as_uvec3();
+            let cells = u64::from(dims.x)
+                .saturating_mul(dims.y.into())
+                .saturating_mul(dims.z.into());
+            if cells > MAX_TOP_CELLS || dims.max_element() > MAX_TOP_AXIS {
+                let size = dims.as_u64vec3() << 7u32;
+                return Err(BuildError::TooWide {
+                    size: format!("{} x {} x {}", size.x, size.y, size.z),
+                    cells,
+                });
+            }
+            grid.origin = lo << TOP_LOG2 as i32;
+            grid.dims = dims;
+            grid.top = vec![CONSTANT; cells as usize];
+        }
+        let clip = clip.map(|[a, b]| [a - grid.origin, b - grid.origin]);
+        let mut builder = Self { grid, clip };
+        if let (Some([a, b]), true) = (builder.clip, topology.background != 0.0) {
+            let background = builder.constant(topology.background);
+            let (a, b) = (a >> TOP_LOG2 as i32, b >> TOP_LOG2 as i32);
+            builder.for_each_top_in(a, b, |entry| *entry = background);
+        }
+        Ok(builder)
+    }
+
+    /// The field that is 0 everywhere.
+    fn empty(index_to_world: DAffine3) -> Grid {
+        Grid {
+            origin: IVec3::ZERO,
+            dims: UVec3::ZERO,
+            top: Vec::new(),
+            tables: Vec::new(),
+            constants: vec![0.0],
+            values: Vec::new(),
+            ranges: Vec::new(),
+            support: Bounds::EMPTY,
+            range: [0.0; 2],
+            index_to_world,
+        }
+    }
+
+    /// Entry of a constant, added if it is new.
+    fn constant(&mut self, value: f32) -> u32 {
+        let constants = &mut self.grid.constants;
+        // Tiles of a file hold few distinct values; the last ones are the likeliest.
+        let at = constants
+            .iter()
+            .rev()
+            .take(16)
+            .position(|c| c.to_bits() == value.to_bits());
+        let index = match at {
+            Some(back) => constants.len() - 1 - back,
+            None => {
+                constants.push(value);
+                constants.len() - 1
+            }
+        };
+        CONSTANT | index as u32
+    }
+
+    /// Applies to the entries of top cells a..=b that the grid has.
+    fn for_each_top_in(&mut self, a: IVec3, b: IVec3, mut f: impl FnMut(&mut u32)) {
+        let a = a.max(IVec3::ZERO);
+        let b = b.min(self.grid.dims.as_ivec3() - IVec3::ONE);
+        for x in a.x..=b.x {
+            for y in a.y..=b.y {
+                for z in a.z..=b.z {
+                    let at = self.grid.top_index(IVec3::new(x, y, z).as_uvec3());
+                    f(&mut self.grid.top[at]);
+                }
+            }
+        }
+    }
+
+    /// Sets the entry of a brick, making the table it lies in.
+    fn set_brick(&mut self, brick: IVec3, entry: u32) {
+        let cell = (brick >> 4i32).as_uvec3();
+        if cell.cmpge(self.grid.dims).any() {
+            return;
+        }
+        let at = self.grid.top_index(cell);
+        let table = match self.grid.top[at] {
+            constant if constant & CONSTANT != 0 => {
+                let table = (self.grid.tables.len() / TABLE_BRICKS) as u32;
+                self.grid
+                    .tables
+                    .resize(self.grid.tables.len() + TABLE_BRICKS, constant);
+                self.grid.top[at] = table;
+                table
+            }
+            table => table,
+        };
+        self.grid.tables[table as usize * TABLE_BRICKS + in_table(brick)] = entry;
+    }
+
+    /// Enters tiles, coarse ones first, then leaves.
+    fn place(&mut self, topology: &Topology) {
+        let mut tiles = topology.tiles.clone();
+        tiles.sort_by_key(|tile| std::cmp::Reverse(tile.log2_size));
+        for tile in tiles {
+            let entry = self.constant(tile.value);
+            let lo = tile.origin - self.grid.origin;
+            if tile.log2_size == 3 {
+                self.set_brick(lo >> 3, entry);
+            } else {
+                let hi = lo + IVec3::splat((1 << tile.log2_size) - 1);
+                self.for_each_top_in(lo >> TOP_LOG2 as i32, hi >> TOP_LOG2 as i32, |e| *e = entry);
+            }
+        }
+        for (index, &leaf) in topology.leaves.iter().enumerate() {
+            self.set_brick((leaf - self.grid.origin) >> 3, index as u32);
+        }
+    }
+
+    /// Zeroes leaf values outside the clip box.
+    fn clip_leaves(&mut self, topology: &Topology) {
+        let Some([a, b]) = self.clip else { return };
+        let origin = self.grid.origin;
+        self.grid
+            .values
+            .par_chunks_mut(BRICK_VALUES)
+            .zip(&topology.leaves)
+            .for_each(|(brick, &leaf)| {
+                let lo = leaf - origin;
+                if lo.cmpge(a).all() && (lo + IVec3::splat(BRICK - 1)).cmple(b).all() {
+                    return;
+                }
+                for_each_cell(|v| {
+                    if (lo + v).cmplt(a).any() || (lo + v).cmpgt(b).any() {
+                        brick[corner_index(v)] = 0.0;
+                    }
+                });
+            });
+    }
+
+    /// Value of a voxel from its own leaf or constant; aprons need not be there yet.
+    fn value(&self, voxel: IVec3) -> f32 {
+        if self
+            .clip
+            .is_some_and(|[a, b]| voxel.cmplt(a).any() || voxel.cmpgt(b).any())
+        {
+            return 0.0;
+        }
+        let entry = self.grid.entry(voxel >> 3);
+        if entry & CONSTANT != 0 {
+            self.grid.constants[(entry & !CONSTANT) as usize]
+        } else {
+            self.grid.values[entry as usize * BRICK_VALUES + corner_index(voxel & 7)]
+        }
+    }
+
+    /// True where the 9^3 values of a brick are certainly all equal: one constant all around.
+    fn uniform_around(&self, brick: IVec3, entry: u32) -> bool {
+        let same = (1..8).all(|i| {
+            self.grid
+                .entry(brick + IVec3::new(i & 1, i >> 1 & 1, i >> 2))
+                == entry
+        });
+        let (lo, hi) = (brick * BRICK, brick * BRICK + IVec3::splat(BRICK));
+        let unclipped = entry == CONSTANT
+            || self
+                .clip
+                .is_none_or(|[a, b]| lo.cmpge(a).all() && hi.cmple(b).all());
+        same && unclipped
+    }
+
+    /// Makes bricks of the constant regions' cells that border on other values.
+    fn add_borders(&mut self) -> Result<(), BuildError> {
+        let dims = self.grid.dims;
+        let this = &*self;
+        let borders: Vec<(IVec3, Box<[f32; BRICK_VALUES]>)> = (0..this.grid.top.len())
+            .into_par_iter()
+            .flat_map_iter(|at| {
+                let z = at as u32 % dims.z;
+                let y = at as u32 / dims.z % dims.y;
+                let x = at as u32 / dims.z / dims.y;
+                this.borders_of(UVec3::new(x, y, z).as_ivec3())
+            })
+            .collect();
+        let bricks = self.grid.values.len() / BRICK_VALUES + borders.len();
+        if bricks >= CONSTANT as usize {
+            return Err(BuildError::TooManyBricks { bricks });
+        }
+        self.grid.values.reserve_exact(borders.len() * BRICK_VALUES);
+        for (brick, values) in borders {
+            let index = (self.grid.values.len() / BRICK_VALUES) as u32;
+            self.grid.values.extend_from_slice(&*values);
+            self.set_brick(brick, index);
+        }
+        Ok(())
+    }
+
+    /// The bricks of one top cell that [`Self::add_borders`] must make.
+    fn borders_of(&self, cell: IVec3) -> Vec<(IVec3, Box<[f32; BRICK_VALUES]>)> {
+        let lowest = cell * TABLE;
+        let entry = self.grid.top[self.grid.top_index(cell.as_uvec3())];
+        let constant = entry & CONSTANT != 0;
+        if constant {
+            let neighbour = |i: i32| {
+                self.grid
+                    .entry(lowest + IVec3::new(i & 1, i >> 1 & 1, i >> 2) * TABLE)
+            };
+            let top_constant = |i: i32| {
+                let c = (cell + IVec3::new(i & 1, i >> 1 & 1, i >> 2)).as_uvec3();
+                c.cmpge(self.grid.dims).any()
+                    || self.grid.top[self.grid.top_index(c)] & CONSTANT != 0
+            };
+            let clipped = entry != CONSTANT && self.clip.is_some();
+            if !clipped && (1..8).all(|i| top_constant(i) && neighbour(i) == entry) {
+                return Vec::new();
+            }
+        }
+        let mut found = Vec::new();
+        for slot in 0..TABLE_BRICKS as i32 {
+            let brick = lowest + IVec3::new(slot >> 8, slot >> 4 & 15, slot & 15);
+            let entry = self.grid.entry(brick);
+            if entry & CONSTANT == 0 || self.uniform_around(brick, entry) {
+                continue;
+            }
+            let own = self.grid.constants[(entry & !CONSTANT) as usize];
+            let mut values = Box::new([own; BRICK_VALUES]);
+            let mut differs = false;
+            let mut take = |v: IVec3| {
+                let value = self.value(brick * BRICK + v);
+                differs |= value != own;
+                values[corner_index(v)] = value;
+            };
+            if self.clip.is_some() {
+                for_each_cell(&mut take);
+            }
+            for_each_apron(&mut take);
+            if differs {
+                found.push((brick, values));
+            }
+        }
+        found
+    }
+
+    /// Reads every leaf brick's apron from its neighbours.
+    fn fill_aprons(&mut self, topology: &Topology) {
+        let origin = self.grid.origin;
+        let apron = APRON.pow(3) - (BRICK as usize).pow(3);
+        let mut scratch = vec![0.0; BATCH * apron];
+        for (batch, leaves) in topology.leaves.chunks(BATCH).enumerate() {
+            let this = &*self;
+            scratch
+                .par_chunks_mut(apron)
+                .zip(leaves)
+                .for_each(|(out, &leaf)| {
+                    let mut slots = out.iter_mut();
+                    for_each_apron(|v| {
+                        if let Some(slot) = slots.next() {
+                            *slot = this.value(leaf - origin + v);
+                        }
+                    });
+                });
+            let start = batch * BATCH * BRICK_VALUES;
+            let bricks = &mut self.grid.values[start..start + leaves.len() * BRICK_VALUES];
+            bricks
+                .par_chunks_mut(BRICK_VALUES)
+                .zip(scratch.par_chunks(apron))
+                .for_each(|(brick, values)| {
+                    let mut values = values.iter();
+                    for_each_apron(|v| {
+                        if let Some(&value) = values.next() {
+                            brick[corner_index(v)] = value;
+                        }
+                    });
+                });
+        }
+    }
+
+    /// Ranges, support; bricks of equal values give their storage back.
+    fn compact(&mut self) {
+        let ranges: Vec<[f32; 2]> = self
+            .grid
+            .values
+            .par_chunks(BRICK_VALUES)
+            .map(|brick| {
+                brick
+                    .iter()
+                    .fold([f32::MAX, f32::MIN], |[lo, hi], &v| [lo.min(v), hi.max(v)])
+            })
+            .collect();
+        let mut renamed = Vec::with_capacity(ranges.len());
+        let mut kept = 0;
+        for (index, &[lo, hi]) in ranges.iter().enumerate() {
+            if lo == hi {
+                renamed.push(self.constant(lo));
+                continue;
+            }
+            let from = index * BRICK_VALUES;
+            self.grid
+                .values
+                .copy_within(from..from + BRICK_VALUES, kept * BRICK_VALUES);
+            self.grid.ranges.push([lo, hi]);
+            renamed.push(kept as u32);
+            kept += 1;
+        }
+        self.grid.values.truncate(kept * BRICK_VALUES);
+        self.grid.values.shrink_to_fit();
+        self.grid
+            .tables
+            .par_iter_mut()
+            .filter(|entry| **entry & CONSTANT == 0)
+            .for_each(|entry| {
+                *entry = renamed[*entry as usize];
+            });
+        self.measure();
+    }
+
+    /// Support and range of the field.
+    fn measure(&mut self) {
+        let grid = &self.grid;
+        let dims = grid.dims;
+        let merge = |a: (Bounds, [f32; 2]), b: (Bounds, [f32; 2])| {
+            (a.0.union(&b.0), [a.1[0].min(b.1[0]), a.1[1].max(b.1[1])])
+        };
+        let (support, range) = (0..grid.top.len())
+            .into_par_iter()
+            .map(|at| {
+                let z = at as u32 % dims.z;
+                let y = at as u32 / dims.z % dims.y;
+                let x = at as u32 / dims.z / dims.y;
+                measure_top_cell(grid, UVec3::new(x, y, z).as_ivec3())
+            })
+            .reduce(|| (Bounds::EMPTY, [0.0; 2]), merge);
+        self.grid.support = support;
+        self.grid.range = range;
+    }
+}
+
+/// Support and range of the field in one top cell.
+fn measure_top_cell(grid: &Grid, cell: IVec3) -> (Bounds, [f32; 2]) {
+    let mut support = Bounds::EMPTY;
+    let mut range = [0.0f32; 2];
+    let entry = grid.top[grid.top_index(cell.as_uvec3())];
+    let lowest = cell * TABLE;
+    if entry & CONSTANT != 0 {
+        let value = grid.constants[(entry & !CONSTANT) as usize];
+        if value != 0.0 {
+            support = Bounds {
+                min: (lowest * BRICK).as_vec3(),
+                max: ((lowest + IVec3::splat(TABLE)) * BRICK).as_vec3(),
+            };
+        }
+        return (support, [value.min(0.0), value.max(0.0)]);
+    }
+    for slot in 0..TABLE_BRICKS as i32 {
+        let brick = lowest + IVec3::new(slot >> 8, slot >> 4 & 15, slot & 15);
+        let [lo, hi] = grid.brick_range(brick);
+        if lo == 0.0 && hi == 0.0 {
+            continue;
+        }
+        range = [range[0].min(lo), range[1].max(hi)];
+        let corner = brick * BRICK;
+        match grid.brick(brick) {
+            super::Brick::Constant(_) => {
+                support = support
+                    .including(corner.as_vec3())
+                    .including((corner + IVec3::splat(BRICK)).as_vec3());
+            }
+            super::Brick::Values(values) => {
+                let mut voxels = (IVec3::MAX, IVec3::MIN);
+                for x in 0..=BRICK {
+                    for y in 0..=BRICK {
+                        for z in 0..=BRICK {
+                            let v = IVec3::new(x, y, z);
+                            if values[corner_index(v)] != 0.0 {
+                                voxels = (voxels.0.min(v), voxels.1.max(v));
+                            }
+                        }
+                    }
+                }
+                // The interpolant reaches one voxel beyond, and this brick holds the cells from
+                // its corner on.
+                let lo = corner + (voxels.0 - IVec3::ONE).max(IVec3::ZERO);
+                let hi = corner + (voxels.1 + IVec3::ONE).min(IVec3::splat(BRICK));
+                support = support.including(lo.as_vec3()).including(hi.as_vec3());
+            }
+        }
+    }
+    (support, range)
+}

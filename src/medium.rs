@@ -1,0 +1,172 @@
+//! Media: a density field and the coefficients it scales.
+//!
+//! ```text
+//! sigma_t(x) = extinction * density(x)     sigma_s = albedo * sigma_t     [1/m]
+//! ```
+//!
+//! Media that overlap sum their coefficients. Nothing here sums them explicitly: collisions of
+//! independent media are independent Poisson processes, so the first collision of the sum is the
+//! first of the media's own first collisions, and the transmittance of the sum is the product.
+//! Each medium keeps its own grid, transform and bounds.
+
+use glam::{Affine3A, DAffine3, DVec3, Vec3};
+
+use crate::blackbody::Blackbody;
+use crate::grid::Grid;
+use crate::grid::majorant::MajorantGrid;
+use crate::phase::PhaseFunction;
+use crate::ray::{Bounds, Ray};
+use crate::scene::Rgb;
+use crate::spectrum::Spectrum;
+
+/// A grid placed in the world.
+#[derive(Debug, Clone)]
+pub struct GridField {
+    /// The field.
+    pub grid: Grid,
+    /// Its bounds, merged for the medium's extinction.
+    pub majorants: MajorantGrid,
+    /// World (relative to the scene's origin) to the grid's local voxels.
+    pub world_to_local: Affine3A,
+    /// Longest voxel edge. \[m\]
+    pub voxel_size: f32,
+    /// Box around the support in the world.
+    pub bounds: Bounds,
+}
+
+impl GridField {
+    /// Places `grid`, whose index space maps to the world by its own transform and then `after`,
+    /// in a world whose origin is at `origin` \[m\]. `extinction` \[1/m\] sets the merging of bounds.
+    #[must_use]
+    pub fn new(grid: Grid, after: &DAffine3, origin: DVec3, extinction: f32) -> Self {
+        let local_to_world = DAffine3::from_translation(-origin) * *after * grid.local_to_world();
+        let world_to_local = local_to_world.inverse();
+        let voxel_size = local_to_world
+            .matrix3
+            .x_axis
+            .length()
+            .max(local_to_world.matrix3.y_axis.length())
+            .max(local_to_world.matrix3.z_axis.length()) as f32;
+        let mut bounds = Bounds::EMPTY;
+        let support = grid.support();
+        if !support.is_empty() {
+            for i in 0..8 {
+                let pick = |bit: usize, a: f32, b: f32| if i >> bit & 1 == 0 { a } else { b };
+                let corner = Vec3::new(
+                    pick(0, support.min.x, support.max.x),
+                    pick(1, support.min.y, support.max.y),
+                    pick(2, support.min.z, support.max.z),
+                );
+                bounds =
+                    bounds.including(local_to_world.transform_point3(corner.as_dvec3()).as_vec3());
+            }
+        }
+        let majorants = MajorantGrid::new(&grid, extinction, voxel_size);
+        let world_to_local = Affine3A::from_mat3_translation(
+            world_to_local.matrix3.as_mat3(),
+            world_to_local.translation.as_vec3(),
+        );
+        Self {
+            grid,
+            majorants,
+            world_to_local,
+            voxel_size,
+            bounds,
+        }
+    }
+
+    /// The ray in local voxels; its parameter stays in metres of the world's ray.
+    #[inline]
+    #[must_use]
+    pub fn local_ray(&self, ray: &Ray) -> Ray {
+        Ray {
+            origin: self.world_to_local.transform_point3(ray.origin),
+            direction: self.world_to_local.transform_vector3(ray.direction),
+        }
+    }
+
+    /// The density at a world point.
+    #[inline]
+    #[must_use]
+    pub fn density(&self, p: Vec3) -> f32 {
+        self.grid.lookup(self.world_to_local.transform_point3(p))
+    }
+}
+
+/// Where the density comes from.
+#[derive(Debug, Clone)]
+pub enum Field {
+    /// 1 inside a box, or everywhere.
+    Constant {
+        /// The box.
+        bounds: Option<Bounds>,
+    },
+    /// A sparse grid.
+    Grid(Box<GridField>),
+}
+
+/// Emission from a temperature grid by Planck's law.
+#[derive(Debug, Clone)]
+pub struct EmissionField {
+    /// Temperatures; times `scale` in kelvin.
+    pub temperature: GridField,
+    /// Kelvin where the grid is 1. \[K\]
+    pub scale: f32,
+    /// Luminance where the grid is 1. \[W/(m2 sr)\]
+    pub radiance: f32,
+    /// Planck's law.
+    pub blackbody: Blackbody,
+}
+
+impl EmissionField {
+    /// Emitted radiance at a world point. \[W/(m2 sr)\]
+    #[must_use]
+    pub fn radiance_at(&self, p: Vec3) -> Rgb {
+        self.blackbody.rgb(self.temperature.density(p) * self.scale) * self.radiance
+    }
+}
+
+/// One medium.
+#[derive(Debug, Clone)]
+pub struct Medium<S> {
+    /// Extinction coefficient where the density is 1. \[1/m\]
+    pub sigma_t: S,
+    /// Single-scattering albedo.
+    pub albedo: S,
+    /// Phase function.
+    pub phase: PhaseFunction,
+    /// Density.
+    pub field: Field,
+    /// Emission.
+    pub emission: Option<EmissionField>,
+}
+
+impl<S: Spectrum> Medium<S> {
+    /// The density at a world point.
+    #[inline]
+    #[must_use]
+    pub fn density(&self, p: Vec3) -> f32 {
+        match &self.field {
+            Field::Constant { bounds } => f32::from(u8::from(bounds.is_none_or(|b| b.contains(p)))),
+            Field::Grid(field) => field.density(p),
+        }
+    }
+
+    /// Box around the medium; none where it is everywhere.
+    #[must_use]
+    pub fn bounds(&self) -> Option<Bounds> {
+        match &self.field {
+            Field::Constant { bounds } => *bounds,
+            Field::Grid(field) => Some(field.bounds),
+        }
+    }
+
+    /// Longest voxel edge \[m\]; none of a homogeneous medium.
+    #[must_use]
+    pub fn voxel_size(&self) -> Option<f32> {
+        match &self.field {
+            Field::Constant { .. } => None,
+            Field::Grid(field) => Some(field.voxel_size),
+        }
+    }
+}

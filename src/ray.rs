@@ -1,0 +1,123 @@
+//! Rays and boxes: p(t) = origin + t direction.
+
+use glam::Vec3;
+
+/// A ray; in world space its direction has unit length and t is in metres.
+#[derive(Debug, Clone, Copy)]
+pub struct Ray {
+    /// Start. \[m\]
+    pub origin: Vec3,
+    /// Direction of travel.
+    pub direction: Vec3,
+}
+
+impl Ray {
+    /// The point at parameter t.
+    #[inline]
+    #[must_use]
+    pub fn at(&self, t: f32) -> Vec3 {
+        self.origin + self.direction * t
+    }
+}
+
+/// 1/d for slab and cell tests. Zero and denormal components, which never reach a face within
+/// any finite t, get the signed infinity; callers treat it as "no crossing".
+#[inline]
+#[must_use]
+pub fn reciprocal(d: Vec3) -> Vec3 {
+    let one = |x: f32| {
+        if x.abs() < f32::MIN_POSITIVE {
+            f32::INFINITY.copysign(x)
+        } else {
+            1.0 / x
+        }
+    };
+    Vec3::new(one(d.x), one(d.y), one(d.z))
+}
+
+/// An axis-aligned box.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bounds {
+    /// Lower corner.
+    pub min: Vec3,
+    /// Upper corner.
+    pub max: Vec3,
+}
+
+impl Bounds {
+    /// The box around nothing; the union's neutral element.
+    pub const EMPTY: Self = Self {
+        min: Vec3::INFINITY,
+        max: Vec3::NEG_INFINITY,
+    };
+
+    /// True where there is nothing inside.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        !self.min.cmple(self.max).all()
+    }
+
+    /// The smallest box around both.
+    #[must_use]
+    pub fn union(&self, other: &Self) -> Self {
+        Self {
+            min: self.min.min(other.min),
+            max: self.max.max(other.max),
+        }
+    }
+
+    /// The smallest box around this and a point.
+    #[must_use]
+    pub fn including(&self, p: Vec3) -> Self {
+        Self {
+            min: self.min.min(p),
+            max: self.max.max(p),
+        }
+    }
+
+    /// Middle.
+    #[must_use]
+    pub fn center(&self) -> Vec3 {
+        0.5 * (self.min + self.max)
+    }
+
+    /// Edge lengths.
+    #[must_use]
+    pub fn size(&self) -> Vec3 {
+        self.max - self.min
+    }
+
+    /// Half the diagonal: the radius of the sphere through the corners.
+    #[must_use]
+    pub fn radius(&self) -> f32 {
+        0.5 * self.size().length()
+    }
+
+    /// True where the point is inside or on the boundary.
+    #[must_use]
+    pub fn contains(&self, p: Vec3) -> bool {
+        p.cmpge(self.min).all() && p.cmple(self.max).all()
+    }
+
+    /// The part of [t0, t1] that the ray spends inside, if any.
+    #[inline]
+    #[must_use]
+    pub fn clip(&self, ray: &Ray, t0: f32, t1: f32) -> Option<(f32, f32)> {
+        let inverse = reciprocal(ray.direction);
+        let (mut enter, mut exit) = (t0, t1);
+        for axis in 0..3 {
+            let o = ray.origin[axis];
+            if inverse[axis].is_infinite() {
+                if o < self.min[axis] || o > self.max[axis] {
+                    return None;
+                }
+                continue;
+            }
+            let a = (self.min[axis] - o) * inverse[axis];
+            let b = (self.max[axis] - o) * inverse[axis];
+            enter = enter.max(a.min(b));
+            exit = exit.min(a.max(b));
+        }
+        (enter < exit).then_some((enter, exit))
+    }
+}

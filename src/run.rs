@@ -1,0 +1,364 @@
+//! The commands: what `cli` understood is done here.
+//!
+//! Everything that can be wrong with the input (scene, frames, crop, places of the outputs) is found
+//! before rendering begins.
+
+use std::ffi::OsStr;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use anyhow::{Context, bail};
+use vpm_vdb::atomic::{self, check_writable};
+use vpm_vdb::compare::{Figures, compare, heat_map};
+use vpm_vdb::image::{self, Metadata};
+use vpm_vdb::render::{Exec, Rendered};
+use vpm_vdb::scene::file::settings_text;
+use vpm_vdb::scene::{Method, Scene};
+use vpm_vdb::{frames, progress, report};
+
+use crate::cli::{Cli, Command, CompareArgs, InfoArgs, PlanArgs, RenderArgs};
+use crate::engine;
+
+/// Passes of a render that is to end for another reason.
+const MOST: u32 = 1_000_000;
+
+/// A comparison failed its bound.
+const FAILED: u8 = 1;
+
+/// Set by Ctrl-C: the renderer ends after the pass in hand.
+static STOP: AtomicBool = AtomicBool::new(false);
+
+/// Runs the command.
+pub(crate) fn run(cli: &Cli) -> anyhow::Result<ExitCode> {
+    match &cli.command {
+        Command::Render(args) => render(args),
+        Command::Info(args) => info(args),
+        Command::Plan(args) => plan(args),
+        Command::Compare(args) => run_compare(args),
+    }
+}
+
+/// Did the reader of our output go away?
+pub(crate) fn is_broken_pipe(e: &anyhow::Error) -> bool {
+    let io = |e: &io::Error| e.kind() == io::ErrorKind::BrokenPipe;
+    e.chain().any(|e| e.downcast_ref().is_some_and(io))
+}
+
+fn print(line: &str) -> anyhow::Result<()> {
+    writeln!(io::stdout(), "{line}").context("cannot write to stdout")
+}
+
+fn has_extension(file: &Path, extension: &str) -> bool {
+    file.extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case(extension))
+}
+
+/// A scene file, or a scene around a lone volume; the volume may be a sequence.
+fn load(file: &Path, first_frame: Option<u32>) -> anyhow::Result<Scene> {
+    if !has_extension(file, "vdb") {
+        return Ok(Scene::load(file)?);
+    }
+    if !frames::is_pattern(file) {
+        return engine::bare_scene(file);
+    }
+    let Some(first) = first_frame else {
+        bail!(
+            "{} is a sequence; say which with --frames A-B",
+            file.display()
+        );
+    };
+    // The first frame sets the camera; the sequence takes its place.
+    let one = frames::file_of(file, first);
+    let mut scene = engine::bare_scene(&one)?;
+    for volume in scene.volumes.iter_mut().filter(|v| v.file == one) {
+        volume.file = file.to_owned();
+    }
+    Ok(scene)
+}
+
+/// What was given on the command line wins.
+fn apply(args: &RenderArgs, scene: &mut Scene) -> anyhow::Result<()> {
+    let s = &mut scene.settings;
+    s.method = args.method.unwrap_or(s.method);
+    s.photons = args.photons.unwrap_or(s.photons);
+    s.passes = args.passes.unwrap_or(s.passes);
+    s.spp = args.spp.unwrap_or(s.spp);
+    s.seed = args.seed.unwrap_or(s.seed);
+    // A time without a number of passes (of paths) is to be used up.
+    if args.time.is_some() {
+        match s.method {
+            Method::Path => s.spp = args.spp.unwrap_or(MOST),
+            Method::Beam | Method::Point => s.passes = args.passes.unwrap_or(MOST),
+        }
+    }
+    s.pruning = !args.no_pruning;
+    scene.camera.resolution = args.resolution.unwrap_or(scene.camera.resolution);
+    let [width, height] = scene.camera.resolution;
+    if let Some(crop) = args.crop {
+        let [x0, y0, x1, y1] = crop;
+        if x0 >= x1 || y0 >= y1 || x1 > width || y1 > height {
+            bail!(
+                "--crop {x0},{y0},{x1},{y1} has no pixels of a picture of {width}x{height}; it \
+                 takes X0 < X1 <= {width} and Y0 < Y1 <= {height}"
+            );
+        }
+        scene.settings.crop = Some(crop);
+    }
+    Ok(())
+}
+
+/// One picture to make: its scene, and where it goes.
+struct Job {
+    scene: Scene,
+    exr: PathBuf,
+    png: PathBuf,
+    report: Option<PathBuf>,
+}
+
+/// Splits a sequence into frames; checks that every file is there and every place writable.
+fn jobs(args: &RenderArgs, scene: Scene) -> anyhow::Result<Vec<Job>> {
+    let default = || PathBuf::from(format!("{}.exr", scene.name));
+    let output = args.output.clone().unwrap_or_else(default);
+    if !has_extension(&output, "exr") {
+        bail!(
+            "the output {} has to end in .exr; the PNG is written beside it",
+            output.display()
+        );
+    }
+    let pattern = scene.volumes.iter().find(|v| frames::is_pattern(&v.file));
+    let jobs: Vec<Job> = match (&args.frames, pattern) {
+        (None, None) => vec![Job {
+            png: output.with_extension("png"),
+            exr: output,
+            report: args.report.clone(),
+            scene,
+        }],
+        (None, Some(volume)) => bail!(
+            "{} is a sequence; say which frames with --frames A-B",
+            volume.file.display()
+        ),
+        (Some(_), None) => bail!(
+            "--frames needs a volume with #### or %04d in its file name; {} has none",
+            args.scene.display()
+        ),
+        (Some(range), Some(_)) => range
+            .clone()
+            .map(|frame| {
+                let mut scene = scene.clone();
+                for volume in &mut scene.volumes {
+                    if frames::is_pattern(&volume.file) {
+                        volume.file = frames::file_of(&volume.file, frame);
+                    }
+                }
+                let exr = frames::output_of(&output, frame);
+                Job {
+                    png: exr.with_extension("png"),
+                    exr,
+                    report: args.report.as_ref().map(|r| frames::output_of(r, frame)),
+                    scene,
+                }
+            })
+            .collect(),
+    };
+    let volumes = jobs.iter().flat_map(|j| &j.scene.volumes);
+    let missing: Vec<_> = volumes.map(|v| &v.file).filter(|f| !f.is_file()).collect();
+    if let Some(first) = missing.first() {
+        let count = missing.len();
+        bail!(
+            "{} is not there ({count} of the volume files are missing)",
+            first.display()
+        );
+    }
+    for job in &jobs {
+        for file in [&job.exr, &job.png].into_iter().chain(&job.report) {
+            check_writable(file)?;
+        }
+    }
+    Ok(jobs)
+}
+
+fn render(args: &RenderArgs) -> anyhow::Result<ExitCode> {
+    let first = args.frames.as_ref().map(|f| *f.start());
+    let started = Instant::now();
+    let mut scene = load(&args.scene, first)?;
+    apply(args, &mut scene)?;
+    let jobs = jobs(args, scene)?;
+    let loaded = started.elapsed().as_secs_f64();
+
+    catch_ctrl_c(args.quiet)?;
+    let progress = progress::for_stderr(args.quiet);
+    let warn = |text: &str| {
+        if !args.quiet {
+            progress.message(&format!("warning: {text}"));
+        }
+    };
+    let exec = Exec {
+        threads: args.threads.map(|n| n as usize),
+        progress: progress.as_ref(),
+        time_limit: args.time,
+        warn: &warn,
+        stop: &STOP,
+    };
+    for job in &jobs {
+        let mut rendered = engine::run_render(&job.scene, &exec)?;
+        rendered.report.time_s.load += loaded;
+        rendered.report.time_s.total += loaded;
+        write(job, &mut rendered)?;
+        if !args.quiet {
+            tell(job, &rendered)?;
+        }
+        if STOP.load(Ordering::Relaxed) {
+            break;
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// The first Ctrl-C asks the renderer to end after the pass in hand, the second one ends it all.
+fn catch_ctrl_c(quiet: bool) -> anyhow::Result<()> {
+    /// What shells expect of a program that Ctrl-C ended.
+    const INTERRUPTED: i32 = 130;
+    ctrlc::set_handler(move || {
+        if STOP.swap(true, Ordering::Relaxed) {
+            std::process::exit(INTERRUPTED);
+        }
+        if !quiet {
+            eprintln!("finishing the pass in hand; Ctrl-C again ends at once");
+        }
+    })
+    .context("cannot listen for Ctrl-C")
+}
+
+/// Writes picture and report, and completes the report with what writing took.
+fn write(job: &Job, rendered: &mut Rendered) -> anyhow::Result<()> {
+    let Rendered { film, report, .. } = rendered;
+    if film.passes() == 0 {
+        bail!("stopped before the first pass was done; nothing is written");
+    }
+    let started = Instant::now();
+    let settings = &job.scene.settings;
+    let metadata = Metadata {
+        scene: job.scene.name.clone(),
+        settings: settings_text(settings),
+    };
+    image::write_exr(&job.exr, film, &metadata)?;
+    image::write_png(&job.png, film, settings.exposure)?;
+    report.time_s.output = started.elapsed().as_secs_f64();
+    report.time_s.total += report.time_s.output;
+    report.peak_rss_bytes = report::peak_rss_bytes();
+    if let Some(file) = &job.report {
+        let mut text = serde_json::to_string_pretty(report)?;
+        text.push('\n');
+        atomic::write_bytes(file, text.as_bytes())?;
+    }
+    Ok(())
+}
+
+/// One line on stdout; what deserves attention on stderr.
+fn tell(job: &Job, rendered: &Rendered) -> anyhow::Result<()> {
+    let Rendered {
+        film,
+        report,
+        stopped_early,
+        ..
+    } = rendered;
+    let error = match film.mean_relative_standard_error() {
+        Some(e) => format!("error {:.2} %", 100.0 * e),
+        None => "error unknown".to_owned(),
+    };
+    let passes = match film.passes() {
+        1 => "1 pass".to_owned(),
+        n => format!("{n} passes"),
+    };
+    print(&format!(
+        "{} {}  {:.1} s, {passes}, {error}",
+        job.exr.display(),
+        job.png.display(),
+        report.time_s.total
+    ))?;
+    if *stopped_early && STOP.load(Ordering::Relaxed) {
+        eprintln!("stopped early: the picture has {passes}");
+    }
+    match film.nonfinite_pixels() {
+        0 => {}
+        n => eprintln!("warning: {n} pixels were NaN or infinite in some pass; those are left out"),
+    }
+    Ok(())
+}
+
+fn info(args: &InfoArgs) -> anyhow::Result<ExitCode> {
+    let out = &mut io::stdout().lock();
+    let remarks = engine::run_info(&args.file, args.json, args.grid.clone(), &args.at, out)?;
+    for remark in remarks {
+        eprintln!("note: {remark}");
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
+    let scene = load(&args.scene, None)?;
+    let (effects, stages) = engine::run_plan(&scene, &|text| eprintln!("warning: {text}"))?;
+    if args.json {
+        let json = serde_json::json!({ "effects": effects, "stages": stages });
+        print(&serde_json::to_string_pretty(&json)?)?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    let width = effects.iter().map(|e| e.name.len()).max().unwrap_or(0);
+    for e in &effects {
+        let mark = if e.active { "yes" } else { "no " };
+        let form = if e.form.is_empty() { "" } else { "  -> " };
+        print(&format!(
+            "{mark}  {:width$}  {}{form}{}",
+            e.name, e.reason, e.form
+        ))?;
+    }
+    for s in &stages {
+        let seconds = s.seconds_estimate.map(|t| format!("{t:8.1} s"));
+        let memory = s
+            .memory_bytes
+            .map(|b| format!("{:8.1} MiB", b as f64 / 1_048_576.0));
+        let (seconds, memory) = (seconds.unwrap_or_default(), memory.unwrap_or_default());
+        print(&format!("{:width$}  {seconds:>10}  {memory:>12}", s.name))?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn run_compare(args: &CompareArgs) -> anyhow::Result<ExitCode> {
+    if let Some(file) = &args.heatmap {
+        if file.extension().and_then(OsStr::to_str) != Some("png") {
+            bail!("the heat map {} has to end in .png", file.display());
+        }
+        check_writable(file)?;
+    }
+    let (a, b) = (image::read_exr(&args.a)?, image::read_exr(&args.b)?);
+    let figures = compare(&a, &b)
+        .with_context(|| format!("{} and {}", args.a.display(), args.b.display()))?;
+    if let Some(file) = &args.heatmap {
+        image::write_rgb8(file, a.width, a.height, &heat_map(&a, &b))?;
+    }
+    if args.json {
+        print(&serde_json::to_string(&figures)?)?;
+    } else {
+        print(&table(&figures))?;
+    }
+    let passed = args.max_relmse.is_none_or(|max| figures.within(max));
+    Ok(ExitCode::from(if passed { 0 } else { FAILED }))
+}
+
+fn table(f: &Figures) -> String {
+    let [r, g, b] = f.mean_ratio;
+    let mut text = format!(
+        "mean ratio  {r:.6} {g:.6} {b:.6}\nRMSE        {:.6e}\nrelMSE      {:.6e}\nmax abs     {:.6e}",
+        f.rmse, f.relmse, f.max_abs
+    );
+    if let Some(chi2) = f.chi2 {
+        text += &format!("\nchi2        {chi2:.4}");
+    }
+    if f.nonfinite_pixels > 0 {
+        text += &format!("\nnot finite  {} pixels, left out", f.nonfinite_pixels);
+    }
+    text
+}
