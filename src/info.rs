@@ -218,7 +218,7 @@ impl Row<'_> {
         put("name", json!(h.name));
         put("label", json!(h.label()));
         put("type", json!(type_name(h)));
-        put("stored_as_half", json!(h.half));
+        put("stored_as_half", json!(h.half && h.value_type.is_real()));
         put("grid_class", json!(h.class.name()));
         put("map", json!(h.map));
         put(
@@ -261,7 +261,7 @@ impl Row<'_> {
         put("std", list(|m| m.std));
         let percentiles: Map<String, Json> = PERCENTILES
             .iter()
-            .filter_map(|&p| Some((p.to_string(), json!(s.histogram.percentile(p / 100.0)?))))
+            .filter_map(|&p| Some((p.to_string(), json!(s.percentile(p / 100.0)?))))
             .collect();
         put("percentiles", Json::Object(percentiles));
         put("not_finite", json!(s.not_finite));
@@ -278,7 +278,7 @@ impl Row<'_> {
     fn cells(&self) -> Vec<String> {
         let h = self.header;
         let mut kind = type_name(h).to_owned();
-        if h.half {
+        if h.half && h.value_type.is_real() {
             kind.push_str(" as half");
         }
         let mut cells = vec![shown_name(h), kind, h.class.name().to_owned()];
@@ -354,12 +354,7 @@ impl Row<'_> {
             }
             let list: Vec<String> = PERCENTILES
                 .iter()
-                .filter_map(|&p| {
-                    Some(format!(
-                        "{p}% {}",
-                        short(s.histogram.percentile(p / 100.0)?)
-                    ))
-                })
+                .filter_map(|&p| Some(format!("{p}% {}", short(s.percentile(p / 100.0)?))))
                 .collect();
             let of = if s.components.len() == 1 {
                 ""
@@ -550,7 +545,7 @@ fn thousands(n: u64) -> String {
     let digits = n.to_string();
     let mut text = String::new();
     for (i, d) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i) % 3 == 0 {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
             text.push(',');
         }
         text.push(d);

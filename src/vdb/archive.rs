@@ -40,6 +40,8 @@ pub struct Archive {
     grids: Vec<GridHeader>,
     places: Vec<Option<TreePlace>>,
     unreached: usize,
+    /// Bytes that the heads of grids may still take; all of them together fit into the file.
+    head_budget: usize,
 }
 
 /// Versions and layout of a file.
@@ -163,7 +165,6 @@ impl Archive {
     pub fn from_bytes(name: &str, bytes: Vec<u8>) -> Result<Self, VdbError> {
         let mut archive = Self {
             file: name.to_owned(),
-            bytes,
             version: FileVersion {
                 format: 0,
                 library: [0; 2],
@@ -173,6 +174,8 @@ impl Archive {
             grids: Vec::new(),
             places: Vec::new(),
             unreached: 0,
+            head_budget: bytes.len(),
+            bytes,
         };
         let bytes = std::mem::take(&mut archive.bytes);
         let walked = archive.walk(&bytes);
@@ -188,7 +191,7 @@ impl Archive {
         &self.file
     }
 
-    /// Size of the file. [bytes]
+    /// Size of the file. \[bytes\]
     pub fn file_size(&self) -> usize {
         self.bytes.len()
     }
@@ -442,8 +445,18 @@ impl Archive {
             place = Some(head);
         } else {
             let head = position_in_file(position, at, "grid").and_then(|position| {
-                let mut c = Cursor::new(bytes, position, "grid")?;
-                let mut head = read_head(&mut c, &mut header, self.version.format, compression)?;
+                Cursor::new(bytes, position, "grid")?;
+                // A thousand grids that name the same metadata must not multiply it.
+                let limit = position.saturating_add(self.head_budget).min(bytes.len());
+                let mut c = Cursor::new(&bytes[..limit], position, "grid")?;
+                let head = read_head(&mut c, &mut header, self.version.format, compression);
+                let mut head = head.map_err(|fault| match fault {
+                    Fault::Truncated { .. } if limit < bytes.len() => {
+                        Fault::damaged(position, "grids overlap one another")
+                    }
+                    fault => fault,
+                })?;
+                self.head_budget -= head.topology - position;
                 if header.instance_of.is_none() {
                     let leaves = position_in_file(leaves, at + 8, "leaf buffers")?;
                     Cursor::new(bytes, leaves, "leaf buffers")?;
@@ -453,7 +466,10 @@ impl Archive {
             });
             match head {
                 Ok(head) => place = Some(head),
-                Err(fault) => header.refused = Some(Refusal::Damaged(fault.to_string())),
+                Err(fault) => {
+                    header.metadata = Metadata::default();
+                    header.refused = Some(Refusal::Damaged(fault.to_string()));
+                }
             }
             next = Next::At(end);
         }

@@ -19,7 +19,7 @@
 //! where L <= 0. Blosc wins if both are set. A half-float buffer without values is absent
 //! altogether, a full one has its length.
 
-use flate2::{Decompress, FlushDecompress, Status};
+use zune_inflate::{DeflateDecoder, DeflateOptions};
 
 use super::blosc;
 use super::bytes::{Bits, Cursor, ones};
@@ -251,7 +251,7 @@ impl<'a, T: Stored> NodeValues<'a, T> {
                 if self.packing == Packing::Blosc {
                     blosc::unpack(self.buffer, self.at, &mut work.block, raw)?;
                 } else {
-                    inflate(&mut work.inflate, self.buffer, self.at, raw)?;
+                    inflate(self.buffer, self.at, raw)?;
                 }
                 raw
             }
@@ -266,27 +266,24 @@ impl<'a, T: Stored> NodeValues<'a, T> {
 }
 
 /// Unpacks a zlib stream to exactly `out`.
-fn inflate(z: &mut Decompress, packed: &[u8], at: usize, out: &mut [u8]) -> Result<(), Fault> {
-    z.reset(true);
-    match z.decompress(packed, out, FlushDecompress::Finish) {
-        Ok(Status::StreamEnd) if z.total_out() == out.len() as u64 => Ok(()),
-        Ok(Status::StreamEnd) => Err(Fault::damaged(
-            at,
-            format!(
-                "zip buffer unpacks to {} bytes where {} belong",
-                z.total_out(),
-                out.len()
-            ),
-        )),
-        Ok(_) => Err(Fault::damaged(
-            at,
-            format!(
-                "zip buffer does not end after the {} bytes that belong",
-                out.len()
-            ),
-        )),
-        Err(e) => Err(Fault::damaged(at, format!("zip buffer: {e}"))),
+fn inflate(packed: &[u8], at: usize, out: &mut [u8]) -> Result<(), Fault> {
+    let options = DeflateOptions::default()
+        .set_size_hint(out.len())
+        .set_limit(out.len())
+        .set_confirm_checksum(true);
+    let plain = DeflateDecoder::new_with_options(packed, options)
+        .decode_zlib()
+        .map_err(|e| Fault::damaged(at, format!("zip buffer: {:?}", e.error)))?;
+    if plain.len() != out.len() {
+        let what = format!(
+            "zip buffer unpacks to {} bytes where {} belong",
+            plain.len(),
+            out.len()
+        );
+        return Err(Fault::damaged(at, what));
     }
+    out.copy_from_slice(&plain);
+    Ok(())
 }
 
 /// Work buffers of one thread.
@@ -300,7 +297,6 @@ pub(crate) struct Work<T> {
 struct ByteWork {
     raw: Vec<u8>,
     block: Vec<u8>,
-    inflate: Decompress,
 }
 
 impl<T> Work<T> {
@@ -310,7 +306,6 @@ impl<T> Work<T> {
             bytes: ByteWork {
                 raw: Vec::new(),
                 block: Vec::new(),
-                inflate: Decompress::new(true),
             },
         }
     }

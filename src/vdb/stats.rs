@@ -63,6 +63,18 @@ pub struct Histogram {
     counts: Vec<u64>,
 }
 
+impl Statistics {
+    /// The value (of a vector: the length) below which the fraction `p` of the active voxels lies.
+    pub fn percentile(&self, p: f64) -> Option<f64> {
+        let v = self.histogram.percentile(p)?;
+        // A bin's middle may lie beyond the extremes.
+        Some(match self.components.as_slice() {
+            [c] => v.clamp(c.min, c.max),
+            _ => v,
+        })
+    }
+}
+
 impl Histogram {
     fn new() -> Self {
         Self {
@@ -94,6 +106,8 @@ impl Histogram {
     }
 
     fn add(&mut self, v: f64, weight: u64) {
+        // A double may be beyond what an f32 holds.
+        let v = v.clamp(f32::MIN.into(), f32::MAX.into());
         let count = &mut self.counts[Self::bin(v as f32)];
         *count = count.saturating_add(weight);
     }

@@ -86,6 +86,14 @@ impl ValueType {
         )
     }
 
+    /// Whether its values are real numbers, which alone can be stored as half floats.
+    pub fn is_real(self) -> bool {
+        matches!(
+            self,
+            Self::Half | Self::Float | Self::Double | Self::Vec3s | Self::Vec3d
+        )
+    }
+
     /// Whether `read_vec3` takes it.
     pub fn is_vec3(self) -> bool {
         matches!(self, Self::Vec3s | Self::Vec3d | Self::Vec3i)
@@ -119,6 +127,8 @@ pub(crate) trait Stored: Copy + Send + Sync + Default + 'static {
     const HALF_BYTES: usize;
     /// Whether saving as half concerns it.
     const REAL: bool;
+    /// Numbers in a value: 1, or 3 for a vector.
+    const COMPONENTS: usize;
     /// From exactly `BYTES` bytes.
     fn load(raw: &[u8]) -> Self;
     /// OpenVDB's `math::negative`: the other inactive value of a level set.
@@ -135,8 +145,6 @@ pub(crate) trait Stored: Copy + Send + Sync + Default + 'static {
     }
     /// For printing.
     fn value(self) -> Value;
-    /// Numbers in a value: 1, or 3 for a vector.
-    const COMPONENTS: usize;
     /// Component `axis` < COMPONENTS, for statistics.
     fn component(self, axis: usize) -> f64;
 }
@@ -152,11 +160,21 @@ pub(crate) trait Vector: Stored {
 }
 
 macro_rules! number {
-    ($T:ty, $real:literal, $bytes:literal, $half_bytes:literal, $half:expr, $negative:expr, $same:expr, $value:expr, $wide:expr) => {
+    ($T:ty {
+        real: $real:literal,
+        bytes: $bytes:literal,
+        half_bytes: $half_bytes:literal,
+        unpack_half: $unpack_half:expr,
+        negative: $negative:expr,
+        bits: $bits:expr,
+        value: $value:expr,
+        wide: $wide:expr,
+    }) => {
         impl Stored for $T {
+            const REAL: bool = $real;
             const BYTES: usize = $bytes;
             const HALF_BYTES: usize = $half_bytes;
-            const REAL: bool = $real;
+            const COMPONENTS: usize = 1;
             fn load(raw: &[u8]) -> Self {
                 let mut a = [0; $bytes];
                 a.copy_from_slice(raw);
@@ -166,7 +184,7 @@ macro_rules! number {
                 $negative(self)
             }
             fn same(self, other: Self) -> bool {
-                $same(self, other)
+                $bits(self) == $bits(other)
             }
             fn from_bit(bit: bool) -> Self {
                 <Self as From<u8>>::from(u8::from(bit))
@@ -177,12 +195,11 @@ macro_rules! number {
                 }
             }
             fn unpack_half(raw: &[u8], out: &mut [Self]) {
-                $half(raw, out);
+                $unpack_half(raw, out);
             }
             fn value(self) -> Value {
                 $value(self)
             }
-            const COMPONENTS: usize = 1;
             fn component(self, _: usize) -> f64 {
                 $wide(self)
             }
@@ -190,65 +207,62 @@ macro_rules! number {
     };
 }
 
-number!(
-    f16,
-    true,
-    2,
-    2,
-    Self::unpack,
-    |v: f16| -v,
-    |a: f16, b: f16| a.to_bits() == b.to_bits(),
-    |v: f16| Value::Float(v.to_f32()),
-    f16::to_f64
-);
-number!(
-    f32,
-    true,
-    4,
-    2,
-    halves_to_floats,
-    |v: f32| -v,
-    |a: f32, b: f32| a.to_bits() == b.to_bits(),
-    Value::Float,
-    f64::from
-);
-number!(
-    f64,
-    true,
-    8,
-    2,
-    |raw: &[u8], out: &mut [f64]| {
-        for (v, &b) in out.iter_mut().zip(raw.as_chunks::<2>().0) {
-            *v = f16::from_le_bytes(b).to_f64();
-        }
-    },
-    |v: f64| -v,
-    |a: f64, b: f64| a.to_bits() == b.to_bits(),
-    Value::Double,
-    |v| v
-);
-number!(
-    i32,
-    false,
-    4,
-    4,
-    Self::unpack,
-    i32::wrapping_neg,
-    |a, b| a == b,
-    |v: i32| Value::Int(v.into()),
-    f64::from
-);
-number!(
-    i64,
-    false,
-    8,
-    8,
-    Self::unpack,
-    i64::wrapping_neg,
-    |a, b| a == b,
-    Value::Int,
-    |v| v as f64
-);
+number!(f16 {
+    real: true,
+    bytes: 2,
+    half_bytes: 2,
+    unpack_half: Self::unpack,
+    negative: |v: f16| -v,
+    bits: f16::to_bits,
+    value: |v: f16| Value::Float(v.to_f32()),
+    wide: f16::to_f64,
+});
+number!(f32 {
+    real: true,
+    bytes: 4,
+    half_bytes: 2,
+    unpack_half: halves_to_floats,
+    negative: |v: f32| -v,
+    bits: f32::to_bits,
+    value: Value::Float,
+    wide: f64::from,
+});
+number!(f64 {
+    real: true,
+    bytes: 8,
+    half_bytes: 2,
+    unpack_half: halves_to_doubles,
+    negative: |v: f64| -v,
+    bits: f64::to_bits,
+    value: Value::Double,
+    wide: |v| v,
+});
+number!(i32 {
+    real: false,
+    bytes: 4,
+    half_bytes: 4,
+    unpack_half: Self::unpack,
+    negative: i32::wrapping_neg,
+    bits: |v: i32| v,
+    value: |v: i32| Value::Int(v.into()),
+    wide: f64::from,
+});
+number!(i64 {
+    real: false,
+    bytes: 8,
+    half_bytes: 8,
+    unpack_half: Self::unpack,
+    negative: i64::wrapping_neg,
+    bits: |v: i64| v,
+    value: Value::Int,
+    wide: |v| v as f64,
+});
+
+fn halves_to_doubles(raw: &[u8], out: &mut [f64]) {
+    for (v, &b) in out.iter_mut().zip(raw.as_chunks::<2>().0) {
+        *v = f16::from_le_bytes(b).to_f64();
+    }
+}
 
 /// Converts in batches that the processor's own half instructions take.
 fn halves_to_floats(raw: &[u8], out: &mut [f32]) {
@@ -266,6 +280,7 @@ impl Stored for bool {
     const BYTES: usize = 1;
     const HALF_BYTES: usize = 1;
     const REAL: Self = false;
+    const COMPONENTS: usize = 1;
     fn load(raw: &[u8]) -> Self {
         raw.first().is_some_and(|&b| b != 0)
     }
@@ -286,7 +301,6 @@ impl Stored for bool {
     fn value(self) -> Value {
         Value::Bool(self)
     }
-    const COMPONENTS: usize = 1;
     fn component(self, _: usize) -> f64 {
         f64::from(u8::from(self))
     }
@@ -298,6 +312,7 @@ macro_rules! vector {
             const BYTES: usize = 3 * <$T as Stored>::BYTES;
             const HALF_BYTES: usize = 3 * <$T as Stored>::HALF_BYTES;
             const REAL: bool = <$T as Stored>::REAL;
+            const COMPONENTS: usize = 3;
             fn load(raw: &[u8]) -> Self {
                 let mut v = Self::default();
                 <$T>::unpack(raw, &mut v);
@@ -321,7 +336,6 @@ macro_rules! vector {
             fn value(self) -> Value {
                 $value(self)
             }
-            const COMPONENTS: usize = 3;
             fn component(self, axis: usize) -> f64 {
                 self[axis].component(0)
             }

@@ -2,7 +2,7 @@
 
 use glam::{DMat4, IVec3};
 use serde_json::Value as Json;
-use vpm_vdb::vdb::{Archive, Statistics, Value, ValueType};
+use vpm_vdb::vdb::{Archive, Cleaner, GridClass, LevelSetToFog, Statistics, Value, ValueType};
 
 use super::vdb_files::{folder, json, vdb_files};
 
@@ -365,4 +365,69 @@ fn published_files_agree_with_openvdb() {
     }
     println!("{files} files, {grids} grids, {probes} probes agree");
     assert_eq!(files, 25, "files of the folder");
+}
+
+#[test]
+fn unfit_densities_are_counted_and_cleaned() {
+    let Some(folder) = folder("real") else { return };
+    let archive = Archive::open(&folder.join("negative_values_scivis.vdb")).unwrap();
+    let grid = archive.read_scalar(0).unwrap();
+    let cleaner = Cleaner::new();
+    let mut out = vec![0.0; 512 * grid.leaf_origins.len()];
+    grid.decode_leaves(&mut out, 512, |_, v, out| {
+        out.copy_from_slice(v);
+        cleaner.clean(out);
+    })
+    .unwrap();
+    let stats = archive.statistics(0).unwrap();
+    assert_eq!(
+        (cleaner.not_finite(), cleaner.negative()),
+        (stats.not_finite, stats.negative)
+    );
+    assert_eq!(cleaner.not_finite(), 1);
+    assert!(cleaner.negative() > 0, "the file has negative values");
+    assert!(
+        out.iter().all(|v| v.is_finite() && *v >= 0.0),
+        "all are densities"
+    );
+}
+
+#[test]
+fn level_sets_become_fog_with_their_interior() {
+    let Some(folder) = folder("corpus") else {
+        return;
+    };
+    let archive = Archive::open(&folder.join("level_set.o10.vdb")).unwrap();
+    let mut grid = archive.read_scalar(0).unwrap();
+    assert_eq!(grid.class, GridClass::LevelSet);
+    let to_fog = LevelSetToFog::new(&grid).expect("the background is the half width");
+    let [low, high] = archive.statistics(0).unwrap().bbox.unwrap();
+    let center = (low + high) / 2;
+    to_fog.convert(&mut grid);
+    let mut out = vec![0.0; 512 * grid.leaf_origins.len()];
+    grid.decode_leaves(&mut out, 512, |_, v, out| {
+        for (out, &v) in out.iter_mut().zip(v) {
+            *out = to_fog.density(v);
+        }
+    })
+    .unwrap();
+    assert!(
+        out.iter().all(|v| (0.0..=1.0).contains(v)),
+        "densities from 0 to 1"
+    );
+    assert!(
+        out.contains(&0.0) && out.contains(&1.0),
+        "outside and inside"
+    );
+    assert_eq!(grid.background, 0.0);
+    assert!(
+        grid.tiles.iter().all(|t| t.active && t.value == 1.0),
+        "only the interior"
+    );
+    let inside = grid
+        .tiles
+        .iter()
+        .any(|t| center & !((1 << t.log2_size) - 1) == t.origin)
+        || grid.leaf_origins.contains(&(center & !7));
+    assert!(inside, "the centre {center} is covered");
 }
