@@ -9,4 +9,6 @@ mod vdb_bad;
 mod vdb_corpus;
 mod vdb_corpus;
 mod vdb_files;
+mod vdb_bad;
+mod vdb_corpus;
 mod vdb_files;
