@@ -24,7 +24,7 @@
 //! # Values that are not finite
 //!
 //! A sample with NaN or an infinity in it is never averaged in and never silently dropped: it is
-//! counted for its pixel, and the pixel's other passes stand. The one infinity that means
+//! counted for its pixel, and the pixel's other passes stand; a pixel without any is black. The one infinity that means
 //! something is `depth`: nothing was there; depth is the mean over passes that met something.
 
 use glam::DVec3;

@@ -188,7 +188,7 @@ impl Archive {
         &self.file
     }
 
-    /// Size of the file. [bytes]
+    /// Size of the file. \[bytes\]
     pub fn file_size(&self) -> usize {
         self.bytes.len()
     }

@@ -5,7 +5,7 @@
 //!
 //! Level set to fog: with φ the signed distance, negative inside, and h the half width of its
 //! band, which is its background: density = clamp(-φ/h, 0, 1). It is 1 deep inside, where tiles
-//! hold -h, 0 at the surface and outside. φ and h have the same unit. [m]
+//! hold -h, 0 at the surface and outside. φ and h have the same unit. \[m\]
 //! (OpenVDB's `sdfToFogVolume` does the same, except that its cutoff may be chosen.)
 
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -88,7 +88,7 @@ impl Cleaner {
 /// How a level set becomes fog.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LevelSetToFog {
-    /// Half width of the band, [m] as the level set's values.
+    /// Half width of the band, \[m\] as the level set's values.
     half_width: f32,
 }
 
@@ -99,7 +99,7 @@ impl LevelSetToFog {
         (half_width > 0.0 && half_width.is_finite()).then_some(Self { half_width })
     }
 
-    /// Density at a signed distance; 0 where that is NaN. [1]
+    /// Density at a signed distance; 0 where that is NaN. \[1\]
     pub fn density(self, distance: f32) -> f32 {
         let inside = -distance / self.half_width;
         if inside > 0.0 { inside.min(1.0) } else { 0.0 }
