@@ -107,8 +107,8 @@ pub(crate) struct InfoArgs {
     /// Grid to look into [default: all].
     #[arg(long, value_name = "NAME")]
     pub(crate) grid: Option<String>,
-    /// Voxels of the grid whose values to print, by index coordinates.
-    #[arg(long, value_name = "I,J,K", requires = "grid", num_args = 1..,
+    /// Voxels whose values to print, by index coordinates.
+    #[arg(long, value_name = "I,J,K", num_args = 1..,
         value_parser = parse_numbers::<i32, 3>)]
     pub(crate) at: Vec<[i32; 3]>,
 }

@@ -16,16 +16,17 @@
 //!
 //! [`Film::mean_relative_standard_error`] is `Σ s_p / Σ Y_p`, s the standard error of the
 //! luminance Y (Rec. 709), both sums over the pixels p that carry noise (s > 10⁻⁶ Y, which f32
-//! rounding stays below). It reads as "the
-//! grain is 2 % of the light": a mean of s/Y weighted by brightness, so a nearly black pixel
-//! with a huge relative error counts for as little as the eye gives it, and neither a black
-//! background nor a flat sky, which are known exactly, flatters the smoke in front of them.
+//! rounding stays below). It reads as "the grain is 2 % of the light": a mean of s/Y weighted by
+//! brightness, so a nearly black pixel with a huge relative error counts for as little as the eye
+//! gives it, and neither a black background nor a flat sky, which are known exactly, flatters the
+//! smoke in front of them.
 //!
 //! # Values that are not finite
 //!
 //! A sample with NaN or an infinity in it is never averaged in and never silently dropped: it is
-//! counted for its pixel, and the pixel's other passes stand. The one infinity that means
-//! something is `depth`: nothing was there; depth is the mean over passes that met something.
+//! counted for its pixel, and the pixel's other passes stand; a pixel without any is black. The
+//! one infinity that means something is `depth`: nothing was there; depth is the mean over passes
+//! that met something.
 
 use glam::DVec3;
 

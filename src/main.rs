@@ -16,8 +16,21 @@ fn main() -> ExitCode {
         // Whoever read our output, such as `head`, has read enough.
         Err(e) if run::is_broken_pipe(&e) => ExitCode::SUCCESS,
         Err(e) => {
-            eprintln!("error: {e:#}");
+            eprintln!("error: {}", chain(&e));
             ExitCode::from(BAD_INPUT)
         }
     }
+}
+
+/// The error and its causes, less those that the line already has.
+fn chain(e: &anyhow::Error) -> String {
+    let mut line = String::new();
+    for cause in e.chain().map(ToString::to_string) {
+        if line.is_empty() {
+            line = cause;
+        } else if !line.ends_with(&cause) {
+            line += &format!(": {cause}");
+        }
+    }
+    line
 }

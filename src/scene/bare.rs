@@ -3,7 +3,7 @@
 //! A file says where its voxels are and how dense, but neither how dense "1" is nor where to stand.
 //! The view is from the front, a little from above and from the right, the volume's box just
 //! inside the picture. The extinction makes the thicker parts of what is seen
-//! [`OPTICAL_THICKNESS`] thick, whatever the unit of the file's lengths and densities. A sun from
+//! `OPTICAL_THICKNESS` thick, whatever the unit of the file's lengths and densities. A sun from
 //! the upper left and a sky light it. Up is z for files that Blender wrote, else y.
 
 use std::path::Path;

@@ -290,7 +290,10 @@ fn options_that_mean_nothing_are_refused() {
             &["compare", "a", "b", "--max-relmse", "-1"],
             "it takes a number of 0 or more",
         ),
-        (&["info", "a.vdb", "--at", "1,2,3"], "--grid <NAME>"),
+        (
+            &["info", "a.vdb", "--at", "1,2"],
+            "it takes 3 whole numbers with commas",
+        ),
         (&["paint"], "unrecognized subcommand 'paint'"),
     ] {
         let out = run(dir.path(), args);
@@ -449,4 +452,61 @@ fn plan_names_every_effect() {
     for e in effects {
         assert!(!e["reason"].as_str().unwrap().is_empty(), "{e}");
     }
+}
+
+#[test]
+fn info_of_no_file() {
+    let dir = scratch();
+    let out = run(dir.path(), &["info", "none.vdb", "--json"]);
+    assert_eq!((code(&out), stdout(&out).as_str()), (2, ""));
+    // Once, though both the error and its cause say it.
+    assert_eq!(
+        stderr(&out).matches("No such file").count(),
+        1,
+        "{}",
+        stderr(&out)
+    );
+}
+
+/// A lone volume, and a sequence of them: the first frame sets the camera for all.
+#[test]
+fn volumes_without_a_scene() {
+    let dir = scratch();
+    let smoke = Path::new(env!("CARGO_MANIFEST_DIR")).join("volumes/rising_smoke.vdb");
+    for name in ["smoke.vdb", "s.0004.vdb", "s.0005.vdb"] {
+        fs::copy(&smoke, dir.path().join(name)).unwrap();
+    }
+    let quick = [
+        "--resolution",
+        "16x20",
+        "--passes",
+        "2",
+        "--photons",
+        "2000",
+    ];
+    let out = run(dir.path(), &[&["render", "smoke.vdb"][..], &quick].concat());
+    assert_eq!((code(&out), stderr(&out).as_str()), (0, ""));
+    let frames = [
+        "render",
+        "s.####.vdb",
+        "--frames",
+        "4-5",
+        "-o",
+        "o.exr",
+        "--report",
+        "o.json",
+    ];
+    let out = run(dir.path(), &[&frames[..], &quick].concat());
+    assert_eq!((code(&out), stderr(&out).as_str()), (0, ""));
+    assert_eq!(stdout(&out).lines().count(), 2, "{}", stdout(&out));
+    let expected = "o.0004.exr o.0004.json o.0004.png o.0005.exr o.0005.json o.0005.png \
+                    s.0004.vdb s.0005.vdb smoke.exr smoke.png smoke.vdb";
+    assert_eq!(names(dir.path()).join(" "), expected);
+    // Equal volumes under one camera and one seed make equal pictures.
+    let figures = ["compare", "o.0004.exr", "o.0005.exr", "--max-relmse", "0"];
+    assert_eq!(code(&run(dir.path(), &figures)), 0);
+
+    let out = run(dir.path(), &["render", "s.####.vdb"]);
+    let message = "error: s.####.vdb is a sequence; say which with --frames A-B\n";
+    assert_eq!((code(&out), stderr(&out).as_str()), (2, message));
 }
