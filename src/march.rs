@@ -233,6 +233,26 @@ impl<S: Spectrum> Profile<S> {
         0.5 * (low + high)
     }
 
+    /// Distances before which the optical depth, in the thinnest channel, is below each of some
+    /// rising values: a knot at or beyond the exact place, or the end.
+    pub(crate) fn reaches<const N: usize>(&self, depths: &[f32; N]) -> [f32; N] {
+        let mut ends = [self.t_end; N];
+        // Of several media the sum is reached before any of them reaches it alone: a bound.
+        for profile in &self.media[..self.used] {
+            let thinnest = (0..S::CHANNELS)
+                .map(|c| profile.sigma_t.channel(c))
+                .fold(f32::INFINITY, f32::min);
+            let mut next = 0;
+            for knot in &profile.knots {
+                while next < N && knot.depth * thinnest >= depths[next] {
+                    ends[next] = ends[next].min(knot.t);
+                    next += 1;
+                }
+            }
+        }
+        ends
+    }
+
     /// First and last t at which there is a medium; an empty range on a clear ray.
     #[must_use]
     pub fn extent(&self) -> (f32, f32) {

@@ -428,6 +428,7 @@ fn beam_band<S: Spectrum, H: Heading, K: KernelShape>(
     rays: &mut TileRays<S>,
 ) -> (Vec<Sample>, Counters) {
     let grid = &job.grid;
+    rays.salt = pass.wrapping_mul(0x9e37_79b9);
     let spp = job.scene.settings.spp;
     let width = grid.high[0] - grid.low[0];
     let rows = (grid.high[1] - grid.low[1] - band * TILE).min(TILE);

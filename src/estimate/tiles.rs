@@ -12,6 +12,12 @@
 //! fetched once for 64 rays; nothing is traversed. The sum is the one of `beam`, in the order of
 //! the photons: the result does not depend on how the work was split.
 //!
+//! Deep in a cloud a ray pierces many photons of which next to nothing is left. Each photon is of
+//! a class j with probability 7/8 8^-j (a hash of its index), and counts only where the ray's
+//! optical depth is below tau_j = DEEP + j ln 8; what it adds beyond tau_(k-1) is divided by the
+//! chance 8^-k of being let through there. The expectation is the full sum; the photons looked at
+//! fall off like the light they bring (Russian roulette; Arvo & Kirk 1990).
+//!
 //! The projected rectangle is exact: a sphere of radius r at (x, z), z > r, is seen between the
 //! slopes (x z -+ r sqrt(x^2 + z^2 - r^2)) / (z^2 - r^2). A sphere that reaches the plane of the
 //! camera is put into every tile.
@@ -36,6 +42,23 @@ use crate::tracking::Counters;
 pub const TILE: u32 = 8;
 /// Rays of a tile.
 pub const TILE_RAYS: usize = 64;
+
+/// Optical depth at which the roulette begins. Lower: noise from what is seen; higher: work on what
+/// is not.
+const DEEP: f32 = 3.0;
+/// Classes of the roulette: enough to reach the depth at which profiles end.
+const CLASSES: usize = 8;
+
+/// The class of a photon.
+#[inline]
+fn class(index: u32, salt: u32) -> usize {
+    // Finaliser of MurmurHash3: every bit of the index reaches the low ones.
+    let mut h = index ^ salt;
+    h = (h ^ (h >> 16)).wrapping_mul(0x85eb_ca6b);
+    h = (h ^ (h >> 13)).wrapping_mul(0xc2b2_ae35);
+    h ^= h >> 16;
+    (h.trailing_zeros() as usize / 3).min(CLASSES - 1)
+}
 
 /// Photons sorted by one unit of parallel work.
 const CHUNK: usize = 1 << 14;
@@ -208,7 +231,12 @@ pub struct TileRays<S> {
     /// Profiles of the rays.
     pub profiles: Vec<Profile<S>>,
     direction: [[f32x8; 8]; 3],
-    t_end: [f32x8; 8],
+    /// Distance to which photons of each class count.
+    t_end: [[f32x8; 8]; CLASSES],
+    /// The same by ray.
+    ends: Vec<[f32; CLASSES]>,
+    /// Shuffles the classes from pass to pass.
+    pub salt: u32,
     /// Scratch: photons that each ray pierces.
     hits: Vec<Vec<Pierced>>,
 }
@@ -225,7 +253,9 @@ impl<S: Spectrum> Default for TileRays<S> {
             ],
             profiles: (0..TILE_RAYS).map(|_| Profile::default()).collect(),
             direction: [[f32x8::ZERO; 8]; 3],
-            t_end: [f32x8::ZERO; 8],
+            t_end: [[f32x8::ZERO; 8]; CLASSES],
+            ends: vec![[0.0; CLASSES]; TILE_RAYS],
+            salt: 0,
             hits: vec![Vec::new(); TILE_RAYS],
         }
     }
@@ -234,6 +264,16 @@ impl<S: Spectrum> Default for TileRays<S> {
 impl<S: Spectrum> TileRays<S> {
     /// Takes rays and profiles into the registers' layout; `used` tells which rays there are.
     pub fn arrange(&mut self, used: &[bool; TILE_RAYS]) {
+        for ((ends, profile), used) in self.ends.iter_mut().zip(&self.profiles).zip(used) {
+            // A clear ray has nowhere for a photon to be.
+            *ends = [0.0; CLASSES];
+            if *used && !profile.is_clear() {
+                let depths =
+                    std::array::from_fn(|j| DEEP + j as f32 * (3.0 * std::f32::consts::LN_2));
+                *ends = profile.reaches(&depths);
+                ends[CLASSES - 1] = profile.t_end;
+            }
+        }
         for row in 0..8 {
             let lane = |f: &dyn Fn(usize) -> f32| {
                 f32x8::from(std::array::from_fn::<f32, 8, _>(|i| f(8 * row + i)))
@@ -241,15 +281,9 @@ impl<S: Spectrum> TileRays<S> {
             for axis in 0..3 {
                 self.direction[axis][row] = lane(&|i| self.rays[i].direction[axis]);
             }
-            // A clear ray has nowhere for a photon to be.
-            let end = |i: usize| {
-                if used[i] && !self.profiles[i].is_clear() {
-                    self.profiles[i].t_end
-                } else {
-                    0.0
-                }
-            };
-            self.t_end[row] = lane(&end);
+            for class in 0..CLASSES {
+                self.t_end[class][row] = lane(&|i| self.ends[i][class]);
+            }
         }
     }
 
@@ -276,8 +310,9 @@ impl<S: Spectrum> TileRays<S> {
             } else {
                 for hit in hits.iter() {
                     let photon = &photons[hit.photon as usize];
-                    *sum +=
+                    let l =
                         contribution::<S, H, K>(media, profile, camera_ray, photon, hit.t, hit.d2);
+                    *sum += l * hit.weight;
                 }
             }
             hits.clear();
@@ -298,6 +333,8 @@ impl<S: Spectrum> TileRays<S> {
             let v = photon.position - camera;
             let [x, y, z] = [v.x, v.y, v.z].map(f32x8::splat);
             let r2 = f32x8::splat(photon.radius * photon.radius);
+            let class = class(*index, self.salt);
+            let t_end = &self.t_end[class];
             for row in usize::from(*first)..=usize::from(*last).min(7) {
                 let [dx, dy, dz] = [
                     self.direction[0][row],
@@ -307,7 +344,7 @@ impl<S: Spectrum> TileRays<S> {
                 let t = x.mul_add(dx, y.mul_add(dy, z * dz));
                 let (cx, cy, cz) = (x - t * dx, y - t * dy, z - t * dz);
                 let d2 = cx.mul_add(cx, cy.mul_add(cy, cz * cz));
-                let pierced = d2.simd_lt(r2) & t.simd_gt(zero) & t.simd_lt(self.t_end[row]);
+                let pierced = d2.simd_lt(r2) & t.simd_gt(zero) & t.simd_lt(t_end[row]);
                 let mut lanes = pierced.to_bitmask();
                 if lanes == 0 {
                     continue;
@@ -316,10 +353,17 @@ impl<S: Spectrum> TileRays<S> {
                 while lanes != 0 {
                     let lane = lanes.trailing_zeros() as usize & 7;
                     lanes &= lanes - 1;
-                    self.hits[8 * row + lane].push(Pierced {
+                    let ray = 8 * row + lane;
+                    // Most are of the first class, and none of those beyond its end.
+                    let passed = self.ends[ray][..class]
+                        .iter()
+                        .filter(|end| t[lane] >= **end)
+                        .count();
+                    self.hits[ray].push(Pierced {
                         photon: *index,
                         t: t[lane],
                         d2: d2[lane],
+                        weight: f32::from_bits((127 + 3 * passed as u32) << 23),
                     });
                 }
             }
@@ -349,11 +393,12 @@ fn eight_photons<S: Spectrum, H: Heading, K: KernelShape>(
         d2[lane] = hit.d2;
         inverse[lane] = 1.0 / (photon.radius * photon.radius);
         density[lane] = photon.density;
-        share[lane] = if H::KEPT {
+        let phase = if H::KEPT {
             phase.p(photon.heading.direction(), -ray.direction)
         } else {
             ISOTROPIC
         };
+        share[lane] = hit.weight * phase;
         if lane < hits.len() {
             power[lane] = photon.power;
         }
@@ -387,4 +432,6 @@ struct Pierced {
     t: f32,
     /// Squared distance there. \[m2\]
     d2: f32,
+    /// One over the chance of being let through: 8^k.
+    weight: f32,
 }
