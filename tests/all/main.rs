@@ -1,12 +1,12 @@
 //! All integration tests in one binary.
 
 mod cli;
+mod fields;
 mod film_image;
+mod grid;
 mod scene_file;
-mod surface;
+mod stats;
 mod surface;
 mod vdb_bad;
 mod vdb_corpus;
-mod vdb_corpus;
-mod vdb_files;
 mod vdb_files;
