@@ -1,10 +1,12 @@
 //! All integration tests in one binary.
 
 mod cli;
+mod determinism;
 mod fields;
 mod film_image;
 mod grid;
 mod scene_file;
+mod segments;
 mod stats;
 mod surface;
 mod vdb_bad;
