@@ -13,7 +13,7 @@ use crate::world::LoadedVolume;
 pub struct EffectPlan {
     /// Three channels rather than one.
     pub chromatic: bool,
-    /// Photons keep their direction.
+    /// Photons keep their direction, and which of several media they collided in.
     pub anisotropic: bool,
     /// Something scatters.
     pub scattering: bool,
@@ -218,7 +218,7 @@ impl EffectPlan {
         ];
         Self {
             chromatic: chromatic || !prune,
-            anisotropic: anisotropic || !prune,
+            anisotropic: anisotropic || media > 1 || !prune,
             scattering,
             photons,
             direct,

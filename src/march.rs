@@ -485,19 +485,23 @@ impl<S: Spectrum> MediumProfile<S> {
         if b.depth <= a.depth {
             return if depth <= a.depth { a.t } else { b.t };
         }
-        // Newton's method on the cubic, kept inside a bracket.
+        // Newton's method on the cubic, kept inside a bracket that every fourth step halves: where
+        // the density nearly vanishes inside a cell, Newton alone creeps.
         let (mut low, mut high) = (0.0f32, 1.0f32);
         let mut s = ((depth - a.depth) / (b.depth - a.depth)).clamp(0.0, 1.0);
         let length = b.t - a.t;
-        for _ in 0..8 {
+        for step in 1..=48 {
             let error = hermite(a, b, s) - depth;
+            if error.abs() <= 2.0 * f32::EPSILON * b.depth {
+                break;
+            }
             if error > 0.0 {
                 high = s;
             } else {
                 low = s;
             }
             let next = s - error / (slope(a, b, s) * length);
-            s = if next > low && next < high {
+            s = if step % 4 != 0 && next > low && next < high {
                 next
             } else {
                 0.5 * (low + high)

@@ -102,34 +102,60 @@ const PATHS_PER_PASS: u32 = 4;
 /// # Errors
 /// [`RenderError`]: a volume that cannot be read, or what this version does not render.
 pub fn render(scene: &Scene, exec: &Exec<'_>) -> Result<Rendered, RenderError> {
-    let threads = exec.threads.unwrap_or(0);
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .build()
-        .map_err(|e| RenderError::Threads {
-            threads,
-            reason: e.to_string(),
-        })?;
-    pool.install(|| {
+    pool(exec)?.install(|| {
         let start = Instant::now();
         check_supported(scene)?;
         exec.progress.stage("load", None);
         let volumes = load_volumes(scene, exec.warn)?;
         let load = start.elapsed().as_secs_f64();
-        let plan = EffectPlan::new(scene, &volumes);
-        let mut rendered = match (plan.chromatic, plan.anisotropic) {
-            (false, false) => run::<f32, ()>(scene, volumes, &plan, exec, start),
-            (false, true) => run::<f32, Packed>(scene, volumes, &plan, exec, start),
-            (true, false) => run::<glam::Vec3, ()>(scene, volumes, &plan, exec, start),
-            (true, true) => run::<glam::Vec3, Packed>(scene, volumes, &plan, exec, start),
-        };
-        exec.progress.finish();
-        rendered.report.threads = rayon::current_num_threads();
-        rendered.report.effects = plan.effects;
+        let mut rendered = planned(scene, volumes, exec, start);
         rendered.report.time_s.load = load;
-        rendered.report.time_s.total = start.elapsed().as_secs_f64();
         Ok(rendered)
     })
+}
+
+/// Renders a scene whose volumes, one for each of the scene's in order, are in memory already;
+/// their files are not looked at.
+///
+/// # Errors
+/// [`RenderError`]: what this version does not render.
+pub fn render_loaded(
+    scene: &Scene,
+    volumes: Vec<LoadedVolume>,
+    exec: &Exec<'_>,
+) -> Result<Rendered, RenderError> {
+    pool(exec)?.install(|| {
+        check_supported(scene)?;
+        Ok(planned(scene, volumes, exec, Instant::now()))
+    })
+}
+
+/// The threads of a render.
+fn pool(exec: &Exec<'_>) -> Result<rayon::ThreadPool, RenderError> {
+    let threads = exec.threads.unwrap_or(0);
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .map_err(|e| RenderError::Threads {
+            threads,
+            reason: e.to_string(),
+        })
+}
+
+/// Renders in the form that the effect plan chooses.
+fn planned(scene: &Scene, volumes: Vec<LoadedVolume>, exec: &Exec<'_>, start: Instant) -> Rendered {
+    let plan = EffectPlan::new(scene, &volumes);
+    let mut rendered = match (plan.chromatic, plan.anisotropic) {
+        (false, false) => run::<f32, ()>(scene, volumes, &plan, exec, start),
+        (false, true) => run::<f32, Packed>(scene, volumes, &plan, exec, start),
+        (true, false) => run::<glam::Vec3, ()>(scene, volumes, &plan, exec, start),
+        (true, true) => run::<glam::Vec3, Packed>(scene, volumes, &plan, exec, start),
+    };
+    exec.progress.finish();
+    rendered.report.threads = rayon::current_num_threads();
+    rendered.report.effects = plan.effects;
+    rendered.report.time_s.total = start.elapsed().as_secs_f64();
+    rendered
 }
 
 /// The effect plan of a scene, without rendering it.

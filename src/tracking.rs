@@ -122,8 +122,10 @@ impl<S: Spectrum> Hero<S> {
     /// Multiplies each channel's density by `density`, the hero's included.
     #[inline]
     fn update(&mut self, density: S) {
-        if S::CHANNELS > 1 {
-            self.ratio = self.ratio * density * (1.0 / density.channel(self.channel));
+        // The hero's own density is 0 where it cannot be, and by rounding alone: no 0/0 then.
+        let own = density.channel(self.channel);
+        if S::CHANNELS > 1 && own > 0.0 {
+            self.ratio = self.ratio * density * (1.0 / own);
         }
     }
 }
@@ -269,7 +271,8 @@ fn grid_flight<S: Spectrum>(
                 return Some(t);
             }
             if S::CHANNELS > 1 {
-                hero.update(sigma_t.map(|k| k.mul_add(-density, sigma_maj)));
+                // Not below 0: where the density is the majorant, rounding decides the sign.
+                hero.update(sigma_t.map(|k| k.mul_add(-density, sigma_maj).max(0.0)));
             }
         }
     }

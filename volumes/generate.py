@@ -5,8 +5,8 @@
 
 Needs Debian's python3-openvdb, python3-numpy, python3-scipy and python3-numba,
 and the system's Python.  Each volume is described at the top of its own file:
-`smoke`, `cumulus`, `fire`.  Seeds are fixed; two runs on one machine agree bit
-for bit, and elsewhere up to the rounding of the libraries, which turbulence
+`smoke`, `cumulus`, `fire`.  Seeds are fixed; two runs on one machine agree to the
+bit, and on two machines up to the rounding of the libraries, which turbulence
 amplifies.  `table` reads the files back and prints what README.md lists.
 """
 

@@ -399,7 +399,8 @@ fn eight_photons<S: Spectrum, H: Heading, K: KernelShape>(
             ISOTROPIC
         };
         share[lane] = hit.weight * phase;
-        if lane < hits.len() {
+        // A photon of a medium that the ray does not meet adds nothing to it.
+        if lane < hits.len() && (!H::KEPT || photon.heading.medium() == only.medium()) {
             power[lane] = photon.power;
         }
     }

@@ -82,13 +82,18 @@ pub fn walk(
                     }
                 }
                 Brick::Values(values) => {
+                    let first = brick * BRICK;
+                    let last = first + IVec3::splat(BRICK - 1);
                     let mut cells = Cells::new(ray, inverse, b0, b1, 1.0);
                     while let Some((cell, c0, c1)) = cells.next() {
                         if c1 <= c0 {
                             continue;
                         }
+                        // At a corner rounding may step out of the brick before its end: its last
+                        // cell stands in, not the one that wraps around to its other side.
+                        let cell = cell.clamp(first, last);
                         let low = cell.as_vec3();
-                        let corners = corners(values, cell & 7);
+                        let corners = corners(values, cell - first);
                         let at =
                             |t: f32| corners.at((ray.at(t) - low).clamp(Vec3::ZERO, Vec3::ONE));
                         let density = [at(c0), at(0.5 * (c0 + c1)), at(c1)];

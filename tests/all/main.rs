@@ -1,8 +1,13 @@
 //! All integration tests in one binary.
 
 mod cli;
+mod determinism;
+mod fields;
 mod film_image;
+mod grid;
 mod scene_file;
+mod segments;
+mod stats;
 mod surface;
 mod vdb_bad;
 mod vdb_corpus;

@@ -1,0 +1,379 @@
+//! The grid against brute force: what the tree says at every voxel, trilinear between.
+
+use std::collections::HashMap;
+
+use glam::{DAffine3, DVec3, IVec3, Vec3};
+
+use vpm_vdb::grid::build::{BuildError, Tile, Topology};
+use vpm_vdb::grid::majorant::MajorantGrid;
+use vpm_vdb::grid::{BRICK_VALUES, Brick, Grid, corner_index};
+use vpm_vdb::rng::Rng;
+
+use crate::fields::{generated, noise, patchy, real, rng, unit};
+use crate::stats::{Welford, z_bound};
+
+/// A tree, read voxel by voxel in OpenVDB's order: leaf, finest tile, background in its box.
+struct Tree {
+    topology: Topology,
+    leaves: HashMap<[i32; 3], usize>,
+}
+
+/// Values of a leaf, by its number: noise, or constant for every fourth.
+fn leaf_value(leaf: usize, voxel: IVec3) -> f32 {
+    match leaf % 4 {
+        3 => 0.25,
+        _ => noise(voxel, leaf as u32),
+    }
+}
+
+impl Tree {
+    fn new(background: f32, tiles: Vec<Tile>, leaves: Vec<IVec3>, active: [IVec3; 2]) -> Self {
+        let index = leaves.iter().enumerate();
+        Self {
+            leaves: index.map(|(i, l)| (l.to_array(), i)).collect(),
+            topology: Topology {
+                background,
+                tiles,
+                leaves,
+                active: Some(active),
+                index_to_world: DAffine3::from_scale(DVec3::splat(0.1)),
+            },
+        }
+    }
+
+    fn build(&self) -> Grid {
+        let leaves = &self.topology.leaves;
+        Grid::build::<BuildError>(&self.topology, |values| {
+            for (i, brick) in values.chunks_mut(BRICK_VALUES).enumerate() {
+                for n in 0..512 {
+                    let v = IVec3::new(n >> 6, n >> 3 & 7, n & 7);
+                    brick[corner_index(v)] = leaf_value(i, leaves[i] + v);
+                }
+            }
+            Ok(())
+        })
+        .expect("a small grid can be built")
+    }
+
+    /// Value of an index voxel.
+    fn value(&self, voxel: IVec3) -> f32 {
+        let topology = &self.topology;
+        if let (true, Some([a, b])) = (topology.background != 0.0, topology.active)
+            && (voxel.cmplt(a).any() || voxel.cmpgt(b).any())
+        {
+            return 0.0;
+        }
+        if let Some(leaf) = self.leaves.get(&((voxel >> 3i32) << 3i32).to_array()) {
+            return leaf_value(*leaf, voxel);
+        }
+        topology
+            .tiles
+            .iter()
+            .filter(|t| (voxel >> (t.log2_size as i32)) == (t.origin >> t.log2_size as i32))
+            .min_by_key(|t| t.log2_size)
+            .map_or(topology.background, |t| t.value)
+    }
+
+    /// Trilinear at an index point, and the largest corner.
+    fn at(&self, p: DVec3) -> (f64, f64) {
+        let floor = p.floor();
+        let f = p - floor;
+        let (mut sum, mut largest) = (0.0, 0.0f64);
+        for i in 0..8 {
+            let c = IVec3::new(i >> 2, i >> 1 & 1, i & 1);
+            let w = |up: i32, f: f64| if up == 1 { f } else { 1.0 - f };
+            let v = f64::from(self.value(floor.as_ivec3() + c));
+            sum += v * w(c.x, f.x) * w(c.y, f.y) * w(c.z, f.z);
+            largest = largest.max(v.abs());
+        }
+        (sum, largest)
+    }
+}
+
+fn tile(origin: [i32; 3], log2_size: u32, value: f32) -> Tile {
+    Tile {
+        origin: origin.into(),
+        log2_size,
+        value,
+    }
+}
+
+/// Leaves and tiles of all sizes on both sides of 0, touching at faces, edges and corners.
+fn trees() -> Vec<(&'static str, Tree)> {
+    let leaves: Vec<IVec3> = [
+        [0, 0, 0],
+        [8, 0, 0],
+        [8, 8, 0],
+        [16, 16, 16],
+        [-8, -8, -8],
+        [-16, 0, 0],
+        [-136, 0, 0],
+        [120, 120, 120],
+        [128, 120, 120],
+        [40, 40, 40],
+        [40, 40, 56],
+        [-128, -128, 248],
+    ]
+    .map(IVec3::from)
+    .to_vec();
+    let small = vec![
+        tile([24, 24, 24], 3, 0.5),
+        tile([48, 40, 40], 3, 0.3),
+        tile([0, 0, 8], 3, 0.25),
+        tile([-8, 0, 0], 3, 1.5),
+        tile([200, 0, 0], 3, 0.9),
+    ];
+    let mut large = small.clone();
+    large.push(tile([128, 0, -128], 7, 0.6));
+    large.push(tile([-256, -128, 0], 7, 0.2));
+    large.push(tile([-256, -128, 128], 7, 0.2));
+    let mut huge = large.clone();
+    huge.push(tile([0, 0, 0], 12, 0.7));
+    huge.push(tile([-4096, 0, 0], 12, 0.35));
+    let wide = [IVec3::new(-300, -200, -200), IVec3::new(300, 200, 300)];
+    let odd = [IVec3::new(-131, -13, -140), IVec3::new(213, 131, 77)];
+    vec![
+        (
+            "leaves and small tiles",
+            Tree::new(0.0, small.clone(), leaves.clone(), wide),
+        ),
+        (
+            "tiles of 128",
+            Tree::new(0.0, large.clone(), leaves.clone(), wide),
+        ),
+        (
+            "a background in its box",
+            Tree::new(0.4, small, leaves.clone(), odd),
+        ),
+        (
+            "a background around tiles of 128",
+            Tree::new(0.4, large, leaves.clone(), odd),
+        ),
+        (
+            "tiles of 4096 cut by the active box",
+            Tree::new(0.4, huge, leaves, odd),
+        ),
+    ]
+}
+
+/// A local point: in the middle of things, on a face, an edge or a corner of voxels or bricks.
+fn point(low: Vec3, high: Vec3, rng: &mut Rng) -> Vec3 {
+    let mut p = low + (high - low) * unit(rng);
+    for axis in 0..3 {
+        match rng.below(6) {
+            0 => p[axis] = p[axis].round(),
+            1 => p[axis] = (p[axis] / 8.0).round() * 8.0,
+            2 => p[axis] = (p[axis] / 8.0).round() * 8.0 - 1.0 + rng.uniform() * 2.0,
+            _ => {}
+        }
+    }
+    p
+}
+
+/// Three nested interpolations of f32, each of a difference, a product and a sum: at most six
+/// roundings of values up to twice the largest corner.
+const LERP_ROUNDING: f64 = 6.0 * f32::EPSILON as f64;
+
+#[test]
+fn lookup_is_trilinear_in_the_values_of_the_tree() {
+    let mut random = rng(1);
+    for (name, tree) in trees() {
+        let grid = tree.build();
+        let support = grid.support();
+        let origin = grid.origin();
+        let mut near: Vec<IVec3> = tree.topology.leaves.clone();
+        near.extend(tree.topology.tiles.iter().map(|t| t.origin));
+        for i in 0..200_000 {
+            let p = if i % 2 == 0 {
+                point(support.min - 9.0, support.max + 9.0, &mut random)
+            } else {
+                let corner = near[random.below(near.len() as u32) as usize] - origin;
+                point(corner.as_vec3() - 9.0, corner.as_vec3() + 17.0, &mut random)
+            };
+            let (exact, largest) = tree.at(p.as_dvec3() + origin.as_dvec3());
+            let found = f64::from(grid.lookup(p));
+            assert!(
+                (found - exact).abs() <= LERP_ROUNDING * largest,
+                "{name}: {found} at local {p}, exactly {exact}"
+            );
+            let voxel = p.floor().as_ivec3();
+            assert_eq!(
+                grid.voxel(voxel),
+                tree.value(voxel + origin),
+                "{name}: voxel {voxel}"
+            );
+        }
+    }
+}
+
+#[test]
+fn from_fn_is_the_function_inside_its_box_and_0_outside() {
+    let (min, max) = (IVec3::new(-13, -1, 5), IVec3::new(29, 20, 140));
+    let grid = crate::fields::grid(min, max, patchy);
+    for x in min.x - 3..=max.x + 3 {
+        for y in min.y - 3..=max.y + 3 {
+            for z in min.z - 3..=max.z + 3 {
+                let v = IVec3::new(x, y, z);
+                let inside = v.cmpge(min).all() && v.cmple(max).all();
+                let expected = if inside { patchy(v) } else { 0.0 };
+                assert_eq!(grid.voxel(v - grid.origin()), expected, "voxel {v}");
+            }
+        }
+    }
+}
+
+/// The support is the box of all cells with a corner that is not 0, and no larger.
+#[test]
+fn support_is_the_smallest_box_of_cells_that_are_not_0() {
+    for (name, tree) in trees() {
+        let grid = tree.build();
+        let topology = &tree.topology;
+        let [a, b] = topology.active.expect("there is an active box");
+        let filled = |axis: usize, at: i32| {
+            let (u, w) = ((axis + 1) % 3, (axis + 2) % 3);
+            (a[u]..=b[u]).any(|i| {
+                (a[w]..=b[w]).any(|j| {
+                    let mut v = IVec3::ZERO;
+                    (v[axis], v[u], v[w]) = (at, i, j);
+                    tree.value(v) != 0.0
+                })
+            })
+        };
+        let low = IVec3::from_array([0, 1, 2].map(|axis| {
+            let found = (a[axis]..=b[axis]).find(|at| filled(axis, *at));
+            found.expect("something is there")
+        }));
+        let high = IVec3::from_array([0, 1, 2].map(|axis| {
+            let found = (a[axis]..=b[axis]).rev().find(|at| filled(axis, *at));
+            found.expect("something is there")
+        }));
+        let support = grid.support();
+        let expected = [
+            low - IVec3::ONE - grid.origin(),
+            high + IVec3::ONE - grid.origin(),
+        ];
+        assert_eq!(
+            [support.min, support.max],
+            expected.map(|v| v.as_vec3()),
+            "{name}"
+        );
+    }
+}
+
+#[test]
+fn one_tap_is_trilinear_in_expectation() {
+    let grid = crate::fields::grid(IVec3::splat(-20), IVec3::splat(20), patchy);
+    let support = grid.support();
+    let mut random = rng(2);
+    let (points, taps) = (400, 2000);
+    let bound = z_bound(points);
+    let mut worst = 0.0f64;
+    for _ in 0..points {
+        let p = point(support.min, support.max, &mut random);
+        let mean: Welford = (0..taps)
+            .map(|_| f64::from(grid.lookup_one_tap(p, unit(&mut random))))
+            .collect();
+        let exact = crate::fields::trilinear(&grid, p.as_dvec3());
+        let z = mean.z(exact, 1e-7);
+        worst = worst.max(z.abs());
+        assert!(
+            z.abs() < bound,
+            "{} +- {} at {p}, exactly {exact}",
+            mean.mean(),
+            mean.standard_error()
+        );
+    }
+    println!("one tap: worst |z| {worst:.2} of {points}, bound {bound:.2}");
+}
+
+/// Counts points at which bounds do not hold: of a brick's range, and of a majorant's cell.
+/// Stored values are bounded exactly, interpolated ones within their own rounding.
+fn check_bounds(name: &str, grid: &Grid, sigma: f32, points: u32, random: &mut Rng) {
+    let majorants = MajorantGrid::new(grid, sigma, 1.0);
+    let support = grid.support();
+    for _ in 0..points {
+        let p = point(support.min - 2.0, support.max + 2.0, random);
+        let value = grid.lookup(p);
+        let slack = (LERP_ROUNDING * f64::from(value.abs())) as f32;
+        // A point on a face belongs to the cells on both sides.
+        for back in 0..8 {
+            let step = Vec3::new(
+                (back & 1) as f32,
+                (back >> 1 & 1) as f32,
+                (back >> 2) as f32,
+            );
+            let on_face = (p - p.floor()).cmpeq(Vec3::ZERO);
+            if back > 0 && (step.cmpgt(Vec3::ZERO) & !on_face).any() {
+                continue;
+            }
+            let inside = p - step * 0.5;
+            let brick = inside.floor().as_ivec3() >> 3i32;
+            for [low, high] in [majorants.bounds_at(inside), grid.brick_range(brick)] {
+                assert!(
+                    value >= low - slack && value <= high + slack,
+                    "{name}: {value} at {p}, bounds {low} to {high}"
+                );
+            }
+        }
+        let tap = grid.lookup_one_tap(p, unit(random));
+        let [low, high] = majorants.bounds_at(p);
+        assert!(
+            tap >= low && tap <= high,
+            "{name}: tap {tap} at {p}, bounds {low} to {high}"
+        );
+    }
+}
+
+#[test]
+fn bounds_hold_on_generated_fields() {
+    let mut random = rng(3);
+    let fields = generated();
+    for (name, grid) in &fields {
+        for sigma in [0.0, 0.02, 1.0, 100.0] {
+            check_bounds(name, grid, sigma, 40_000, &mut random);
+        }
+    }
+    for (name, tree) in trees() {
+        check_bounds(name, &tree.build(), 0.1, 40_000, &mut random);
+    }
+}
+
+#[test]
+fn bounds_hold_on_real_volumes() {
+    let mut random = rng(4);
+    let grids = real();
+    for (name, grid) in &grids {
+        if grid.support().is_empty() {
+            continue;
+        }
+        check_bounds(name, grid, 0.3, 30_000, &mut random);
+    }
+    println!("bounds held on {} real grids", grids.len());
+}
+
+/// A brick is stored or constant, its range is that of its 9^3 values, and those are the voxels.
+#[test]
+fn bricks_hold_their_voxels_and_aprons() {
+    for (name, grid) in generated() {
+        let high = (grid.support().max.as_ivec3() >> 3i32) + IVec3::ONE;
+        for x in -1..=high.x {
+            for y in -1..=high.y {
+                for z in -1..=high.z {
+                    let brick = IVec3::new(x, y, z);
+                    let [low, top] = grid.brick_range(brick);
+                    let (mut least, mut most) = (f32::MAX, f32::MIN);
+                    for n in 0..BRICK_VALUES as i32 {
+                        let v = IVec3::new(n / 81, n / 9 % 9, n % 9);
+                        let value = match grid.brick(brick) {
+                            Brick::Constant(value) => value,
+                            Brick::Values(values) => values[corner_index(v)],
+                        };
+                        assert_eq!(value, grid.voxel(brick * 8 + v), "{name}: {brick} {v}");
+                        (least, most) = (least.min(value), most.max(value));
+                    }
+                    assert_eq!([least, most], [low, top], "{name}: range of {brick}");
+                }
+            }
+        }
+    }
+}
