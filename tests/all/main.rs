@@ -2,6 +2,7 @@
 
 mod cli;
 mod determinism;
+mod exact;
 mod fields;
 mod film_image;
 mod grid;
@@ -9,6 +10,7 @@ mod scene_file;
 mod segments;
 mod stats;
 mod surface;
+mod transmittance;
 mod vdb_bad;
 mod vdb_corpus;
 mod vdb_files;
