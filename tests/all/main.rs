@@ -1,10 +1,12 @@
 //! All integration tests in one binary.
 
+mod agreement;
 mod cli;
 mod determinism;
 mod exact;
 mod fields;
 mod film_image;
+mod furnace;
 mod grid;
 mod scene_file;
 mod segments;
