@@ -1,14 +1,18 @@
 //! All integration tests in one binary.
 
+mod agreement;
 mod cli;
 mod determinism;
+mod exact;
 mod fields;
 mod film_image;
+mod furnace;
 mod grid;
 mod scene_file;
 mod segments;
 mod stats;
 mod surface;
+mod transmittance;
 mod vdb_bad;
 mod vdb_corpus;
 mod vdb_files;
