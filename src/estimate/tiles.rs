@@ -266,6 +266,13 @@ impl<S: Spectrum> TileRays<S> {
         self.find(camera, photons, tile);
         for (ray, sum) in sums.iter_mut().enumerate() {
             let hits = &mut self.hits[ray];
+            if H::KEPT
+                && media.len() > 1
+                && let Some(only) = self.profiles[ray].only()
+            {
+                // Photons of a medium that the ray does not pass add nothing to it.
+                hits.retain(|h| photons[h.photon as usize].heading.medium() == only.medium());
+            }
             counters.gathered_photons += hits.len() as u64;
             let (profile, camera_ray) = (&self.profiles[ray], &self.rays[ray]);
             if let Some(only) = profile.only() {
