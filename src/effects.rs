@@ -5,7 +5,7 @@
 //! leaves out what contributes nothing, never what contributes little.
 
 use crate::report::Effect;
-use crate::scene::{Direct, Light, Method, Phase, Scene};
+use crate::scene::{Direct, Light, Material, Method, Phase, Scene};
 use crate::world::LoadedVolume;
 
 /// What is simulated, and in which form.
@@ -13,8 +13,8 @@ use crate::world::LoadedVolume;
 pub struct EffectPlan {
     /// Three channels rather than one.
     pub chromatic: bool,
-    /// Photons keep their direction, and which of several media they collided in.
-    pub anisotropic: bool,
+    /// Photons keep their direction and their medium: where phase functions or media differ.
+    pub headings: bool,
     /// Something scatters.
     pub scattering: bool,
     /// Photons are traced and gathered.
@@ -23,6 +23,10 @@ pub struct EffectPlan {
     pub direct: bool,
     /// Media emit.
     pub emission: bool,
+    /// Photons are kept on diffuse surfaces.
+    pub surface_photons: bool,
+    /// Camera rays go on beyond some surfaces.
+    pub follow: bool,
     /// The table for people and reports.
     pub effects: Vec<Effect>,
 }
@@ -42,6 +46,7 @@ impl EffectPlan {
                 .iter()
                 .map(|v| v.optics)
                 .chain(scene.fogs.iter().map(|f| f.optics))
+                .chain(scene.objects.iter().filter_map(|o| o.interior))
         };
         let prune = scene.settings.pruning;
         let media = optics().count();
@@ -75,18 +80,23 @@ impl EffectPlan {
         let emission = emitting.count() > 0 && hottest > 0.0;
         let lights_grey = scene.lights.iter().all(|l| grey(light_colour(l)));
         let media_grey = optics().all(|o| grey(o.extinction) && grey(o.albedo));
-        let chromatic = !(lights_grey && media_grey && !emission);
+        let materials = Materials::new(scene);
+        let chromatic = !(lights_grey && media_grey && materials.grey && !emission);
         let skies = scene
             .lights
             .iter()
             .filter(|l| matches!(l, Light::Sky { .. } | Light::SkyImage { .. }))
             .count();
-        let sampled = scene.lights.len() - skies;
+        let sampled = scene.lights.len() - skies + materials.emissive;
+        let lit = scene.lights.len() + materials.emissive > 0;
         let direct = scattering && sampled > 0 && scene.settings.direct == Direct::Sampled;
-        let photons = scattering
-            && !scene.lights.is_empty()
-            && scene.settings.method != Method::Path
-            && (multiple || skies > 0 || scene.settings.direct == Direct::Photons);
+        let traced = lit && scene.settings.method != Method::Path;
+        let surface_photons = traced && materials.diffuse > 0 && scene.settings.max_bounces > 1;
+        let photons = traced
+            && scattering
+            && (multiple || skies > 0 || scene.settings.direct == Direct::Photons)
+            || surface_photons;
+        let boundaries = materials.interfaces + materials.interiors;
         let area = scene
             .lights
             .iter()
@@ -180,22 +190,59 @@ impl EffectPlan {
             effect(
                 "heterogeneous",
                 volumes_n > 0,
-                format!("{volumes_n} volumes from grids, {fogs_n} homogeneous"),
+                format!(
+                    "{volumes_n} volumes from grids, {} homogeneous",
+                    fogs_n + materials.interiors
+                ),
                 "delta tracking with local majorants, exact march",
             ),
             effect(
                 "surfaces",
-                false,
+                !scene.objects.is_empty(),
                 format!("{} objects", scene.objects.len()),
-                "",
+                "one hierarchy; lights sampled at hits, shadows in the media",
             ),
-            effect("specular_surfaces", false, "no surfaces".to_owned(), ""),
-            effect("surface_photons", false, "no surfaces".to_owned(), ""),
-            effect("medium_boundaries", false, "no surfaces".to_owned(), ""),
+            effect(
+                "specular_surfaces",
+                materials.specular > 0,
+                format!("{} objects are mirrors, glass or metal", materials.specular),
+                "camera rays and photons go on; photons under a hierarchy for rays from anywhere",
+            ),
+            effect(
+                "surface_photons",
+                surface_photons,
+                if materials.diffuse == 0 {
+                    "no diffuse surface".to_owned()
+                } else if !lit {
+                    "no light".to_owned()
+                } else if scene.settings.max_bounces < 2 {
+                    format!("max_bounces is {}", scene.settings.max_bounces)
+                } else if scene.settings.method == Method::Path {
+                    "paths are traced, not photons".to_owned()
+                } else {
+                    format!(
+                        "{} diffuse objects that light can reach indirectly",
+                        materials.diffuse
+                    )
+                },
+                "a photon map of their own, gathered at hits",
+            ),
+            effect(
+                "medium_boundaries",
+                boundaries > 0,
+                format!(
+                    "{} interfaces, {} objects with a medium inside",
+                    materials.interfaces, materials.interiors
+                ),
+                "each stretch of a ray meets the media of its place",
+            ),
             effect(
                 "area_lights",
-                area + discs > 0,
-                format!("{area} lights with an area, {discs} suns with a disc"),
+                area + discs + materials.emissive > 0,
+                format!(
+                    "{} lights with an area, {discs} suns with a disc",
+                    area + materials.emissive
+                ),
                 "points sampled on the light",
             ),
             effect(
@@ -218,13 +265,73 @@ impl EffectPlan {
         ];
         Self {
             chromatic: chromatic || !prune,
-            anisotropic: anisotropic || media > 1 || !prune,
+            headings: anisotropic || media > 1 || !prune,
             scattering,
             photons,
             direct,
             emission,
+            surface_photons,
+            follow: photons && materials.specular + materials.interfaces > 0,
             effects,
         }
+    }
+}
+
+/// What the scene's objects are made of, counted.
+#[derive(Debug, Default)]
+struct Materials {
+    /// Diffuse, and not black.
+    diffuse: usize,
+    /// Mirrors, glass, metal.
+    specular: usize,
+    emissive: usize,
+    interfaces: usize,
+    /// With a medium inside.
+    interiors: usize,
+    /// No colour anywhere.
+    grey: bool,
+}
+
+impl Materials {
+    fn new(scene: &Scene) -> Self {
+        let mut counts = Self {
+            grey: true,
+            ..Self::default()
+        };
+        for object in &scene.objects {
+            counts.interiors += usize::from(object.interior.is_some());
+            let colourless = match &object.material {
+                Material::Diffuse {
+                    reflectance,
+                    texture,
+                } => {
+                    counts.diffuse += usize::from(reflectance.max_element() > 0.0);
+                    grey(*reflectance) && texture.is_none()
+                }
+                Material::Mirror { reflectance } => {
+                    counts.specular += 1;
+                    grey(*reflectance)
+                }
+                Material::Glass { .. } => {
+                    counts.specular += 1;
+                    true
+                }
+                Material::Conductor { eta, k, .. } => {
+                    counts.specular += 1;
+                    grey(*eta) && grey(*k)
+                }
+                Material::Emissive { radiance } => {
+                    counts.emissive += 1;
+                    grey(*radiance)
+                }
+                Material::Interface => {
+                    counts.interfaces += 1;
+                    true
+                }
+            };
+            counts.grey &= colourless;
+        }
+        counts
     }
 }
 

@@ -19,9 +19,10 @@ use std::f32::consts::PI;
 use glam::{DVec3, Vec3};
 
 use crate::ray::{Bounds, Ray};
-use crate::rng::Rng;
+use crate::rng::{Rng, Stage};
 use crate::scene;
 use crate::spectrum::Spectrum;
+use crate::surface::Surfaces;
 
 /// A light in the renderer's world.
 #[derive(Debug, Clone)]
@@ -79,6 +80,16 @@ pub enum Light<S> {
         radius: f32,
         /// \[W/(m2 sr)\]
         radiance: S,
+    },
+    /// An emissive object; [`World::sample_light`](crate::world::World::sample_light) knows its
+    /// surface.
+    Emitter {
+        /// Index in the surfaces' list of emitters.
+        index: usize,
+        /// About its middle. \[m\]
+        center: Vec3,
+        /// Of the whole surface. \[W\]
+        power: S,
     },
 }
 
@@ -199,6 +210,32 @@ impl<S: Spectrum> Light<S> {
         })
     }
 
+    /// The emissive objects.
+    #[must_use]
+    pub fn from_surfaces(surfaces: &Surfaces) -> Vec<Self> {
+        /// Points on an emitter that are averaged for its middle.
+        const POINTS: u32 = 64;
+        let middle = |emitter| {
+            let mut sum = Vec3::ZERO;
+            let mut rng = Rng::stream(0, Stage::Check, 0, 0);
+            for _ in 0..POINTS {
+                let u = [rng.uniform(), rng.uniform(), rng.uniform()];
+                if let Some(point) = surfaces.sample_emitter(emitter, u) {
+                    sum += point.position * (1.0 / POINTS as f32);
+                }
+            }
+            sum
+        };
+        let emitters = surfaces.emitters().iter().enumerate();
+        emitters
+            .map(|(index, emitter)| Self::Emitter {
+                index,
+                center: middle(emitter),
+                power: S::from_rgb(emitter.power()),
+            })
+            .collect()
+    }
+
     /// Light at `p` from a sampled direction; none where the light does not shine. A sky is not
     /// sampled: rays that leave the scene meet it.
     #[inline]
@@ -221,7 +258,7 @@ impl<S: Spectrum> Light<S> {
                     value: irradiance,
                 })
             }
-            Self::Sky { .. } => None,
+            Self::Sky { .. } | Self::Emitter { .. } => None,
             Self::Point { position, power } => {
                 let (direction, distance) = toward(p, position)?;
                 let value = power * (1.0 / (4.0 * PI * distance * distance));
@@ -288,7 +325,7 @@ impl<S: Spectrum> Light<S> {
             Self::Sun { .. } | Self::Sky { .. } => None,
             Self::Point { position, .. } | Self::Spot { position, .. } => Some(position),
             Self::Quad { corner, edges, .. } => Some(corner + 0.5 * (edges[0] + edges[1])),
-            Self::Sphere { center, .. } => Some(center),
+            Self::Sphere { center, .. } | Self::Emitter { center, .. } => Some(center),
         }
     }
 
@@ -338,10 +375,37 @@ impl<S: Spectrum> Light<S> {
                 radius,
                 radiance,
             } => radiance.mean() * 4.0 * PI * PI * radius * radius * inside(center),
+            Self::Emitter { power, .. } => power.mean(),
         }
     }
 
-    /// A photon toward the target; none where it carries nothing. `u` places it on the light and
+    /// A photon from an emissive object; see [`emit`](Self::emit).
+    #[must_use]
+    pub fn emit_from_object(
+        surfaces: &Surfaces,
+        emitter: usize,
+        target: &Bounds,
+        u: [f32; 4],
+        rng: &mut Rng,
+    ) -> Option<Emitted<S>> {
+        let emitter = &surfaces.emitters()[emitter];
+        let point = surfaces.sample_emitter(emitter, [rng.uniform(), u[0], u[1]])?;
+        let radiance = S::from_rgb(point.radiance);
+        let aim = [u[2], u[3]];
+        let mut emitted = emit_from_surface(
+            point.position,
+            point.normal,
+            1.0 / point.pdf,
+            radiance,
+            target,
+            aim,
+        )?;
+        emitted.ray.origin = point.spawn_origin(emitted.ray.direction);
+        Some(emitted)
+    }
+
+    /// A photon toward the target; none where it carries nothing, or from an emissive object, which
+    /// this page does not know. `u` places it on the light and
     /// aims it, `rng` draws what these four do not decide.
     #[must_use]
     pub fn emit(&self, target: &Bounds, u: [f32; 4], rng: &mut Rng) -> Option<Emitted<S>> {
@@ -443,6 +507,7 @@ impl<S: Spectrum> Light<S> {
                     aim,
                 )
             }
+            Self::Emitter { .. } => None,
         }
     }
 

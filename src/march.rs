@@ -85,10 +85,11 @@ impl<S: Spectrum> Default for Profile<S> {
 const BINS_PER_KNOT: f32 = 2.0;
 
 impl<S: Spectrum> Profile<S> {
-    /// Marches [0, t_max] of `ray` through the media.
+    /// Marches [0, t_max] of `ray` through media, the first of which has the index that comes
+    /// with them.
     pub fn march(
         &mut self,
-        media: &[Medium<S>],
+        (first, media): (usize, &[Medium<S>]),
         ray: &Ray,
         t_max: f32,
         march: March,
@@ -96,7 +97,7 @@ impl<S: Spectrum> Profile<S> {
     ) {
         self.used = 0;
         self.t_end = t_max;
-        for (index, medium) in media.iter().enumerate() {
+        for (index, medium) in (first..).zip(media) {
             let (medium_sigma, t_end) = (medium.sigma_t, self.t_end);
             let profile = self.next_profile(index, medium_sigma);
             // The thinnest channel that is not clear decides when the ray is spent.
@@ -107,11 +108,13 @@ impl<S: Spectrum> Profile<S> {
                         bounds.map_or(Some((0.0, t_end)), |b| b.clip(ray, 0.0, t_end))
                     {
                         let t1 = t1.min(t0 + spent);
-                        profile.push(Piece {
-                            t_min: t0,
-                            t_max: t1,
-                            density: [1.0; 3],
-                        });
+                        if t1.is_finite() {
+                            profile.push(Piece {
+                                t_min: t0,
+                                t_max: t1,
+                                density: [1.0; 3],
+                            });
+                        }
                     }
                 }
                 Field::Grid(field) => profile.march(field, ray, t_end, march, spent, counters),

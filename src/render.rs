@@ -13,6 +13,7 @@ use rayon::prelude::*;
 use thiserror::Error;
 
 use crate::effects::EffectPlan;
+use crate::estimate::chain::{Chain, Link};
 use crate::estimate::direct::DirectLights;
 use crate::estimate::kernel::KernelShape;
 use crate::estimate::tiles::{Bands, TILE, TILE_RAYS, TileGrid, TileRays};
@@ -22,6 +23,7 @@ use crate::grid::load::load_volumes;
 use crate::march::Profile;
 use crate::photon::map::PhotonMap;
 use crate::photon::radius::{RadiusField, radius_scale};
+use crate::photon::surface::{SurfaceGather, SurfaceMap, SurfaceRadius};
 use crate::photon::{Energy, Heading, Packed, Photon, Photons, TraceSettings, trace_photons};
 use crate::progress::Progress;
 use crate::ray::Ray;
@@ -30,6 +32,7 @@ use crate::report::{ImageFigures, PhotonCounts, Report, Times, peak_rss_bytes};
 use crate::rng::{Rng, Stage};
 use crate::scene::{Method, Scene};
 use crate::spectrum::Spectrum;
+use crate::surface::{Hit, Surfaces};
 use crate::tracking::{Counters, Sampler};
 use crate::with_kernel;
 use crate::world::{LoadedVolume, World};
@@ -77,6 +80,9 @@ pub enum RenderError {
     /// A volume cannot be loaded.
     #[error(transparent)]
     Volume(#[from] crate::grid::load::LoadError),
+    /// An object cannot be loaded.
+    #[error(transparent)]
+    Surface(#[from] crate::surface::SurfaceError),
     /// No thread pool.
     #[error("cannot start {threads} threads: {reason}")]
     Threads {
@@ -108,7 +114,7 @@ pub fn render(scene: &Scene, exec: &Exec<'_>) -> Result<Rendered, RenderError> {
         exec.progress.stage("load", None);
         let volumes = load_volumes(scene, exec.warn)?;
         let load = start.elapsed().as_secs_f64();
-        let mut rendered = planned(scene, volumes, exec, start);
+        let mut rendered = planned(scene, volumes, exec, start)?;
         rendered.report.time_s.load = load;
         Ok(rendered)
     })
@@ -126,7 +132,7 @@ pub fn render_loaded(
 ) -> Result<Rendered, RenderError> {
     pool(exec)?.install(|| {
         check_supported(scene)?;
-        Ok(planned(scene, volumes, exec, Instant::now()))
+        planned(scene, volumes, exec, Instant::now())
     })
 }
 
@@ -143,19 +149,24 @@ fn pool(exec: &Exec<'_>) -> Result<rayon::ThreadPool, RenderError> {
 }
 
 /// Renders in the form that the effect plan chooses.
-fn planned(scene: &Scene, volumes: Vec<LoadedVolume>, exec: &Exec<'_>, start: Instant) -> Rendered {
+fn planned(
+    scene: &Scene,
+    volumes: Vec<LoadedVolume>,
+    exec: &Exec<'_>,
+    start: Instant,
+) -> Result<Rendered, RenderError> {
     let plan = EffectPlan::new(scene, &volumes);
-    let mut rendered = match (plan.chromatic, plan.anisotropic) {
+    let mut rendered = match (plan.chromatic, plan.headings) {
         (false, false) => run::<f32, ()>(scene, volumes, &plan, exec, start),
         (false, true) => run::<f32, Packed>(scene, volumes, &plan, exec, start),
         (true, false) => run::<glam::Vec3, ()>(scene, volumes, &plan, exec, start),
         (true, true) => run::<glam::Vec3, Packed>(scene, volumes, &plan, exec, start),
-    };
+    }?;
     exec.progress.finish();
     rendered.report.threads = rayon::current_num_threads();
     rendered.report.effects = plan.effects;
     rendered.report.time_s.total = start.elapsed().as_secs_f64();
-    rendered
+    Ok(rendered)
 }
 
 /// The effect plan of a scene, without rendering it.
@@ -170,12 +181,6 @@ pub fn plan(scene: &Scene, warn: &dyn Fn(&str)) -> Result<EffectPlan, RenderErro
 
 /// Refuses, by name, what this version does not render.
 fn check_supported(scene: &Scene) -> Result<(), RenderError> {
-    if let Some(object) = scene.objects.first() {
-        return Err(RenderError::Unsupported(format!(
-            "object '{}': surfaces are not rendered yet",
-            object.name
-        )));
-    }
     if scene
         .lights
         .iter()
@@ -190,7 +195,12 @@ fn check_supported(scene: &Scene) -> Result<(), RenderError> {
             "method 'point' is not rendered yet".to_owned(),
         ));
     }
-    let media = scene.volumes.len() + scene.fogs.len();
+    let interiors = scene
+        .objects
+        .iter()
+        .filter(|o| o.interior.is_some())
+        .count();
+    let media = scene.volumes.len() + scene.fogs.len() + interiors;
     if media > crate::photon::MAX_MEDIA {
         return Err(RenderError::Unsupported(format!(
             "{media} media: at most {} can be told apart",
@@ -226,13 +236,16 @@ fn run<S: Spectrum, H: Heading>(
     plan: &EffectPlan,
     exec: &Exec<'_>,
     start: Instant,
-) -> Rendered {
+) -> Result<Rendered, RenderError> {
     let settings = &scene.settings;
     let [width, height] = scene.camera.resolution;
     let [x0, y0, x1, y1] = settings.crop.unwrap_or([0, 0, width, height]);
     let mut tally = Tally::default();
     let clock = Instant::now();
-    let world = World::new(scene, volumes);
+    let world = World::new(scene, volumes)?;
+    for warning in world.surfaces.iter().flat_map(Surfaces::warnings) {
+        (exec.warn)(&warning.to_string());
+    }
     tally.times.build = clock.elapsed().as_secs_f64();
     let lights = DirectLights::new(&world);
     let grid = TileGrid {
@@ -308,16 +321,22 @@ fn run<S: Spectrum, H: Heading>(
         image: ImageFigures::from(&film),
         ..Report::default()
     };
-    Rendered {
+    Ok(Rendered {
         film,
         report,
         energy: tally.energy,
         stopped_early,
-    }
+    })
+}
+
+/// Radii from the pilots: of photons in media, and of points on surfaces.
+struct Radii<S> {
+    media: RadiusField,
+    surfaces: Option<SurfaceRadius<S>>,
 }
 
 /// Radii from a pilot estimate.
-fn pilot<S: Spectrum, H: Heading>(job: &Job<'_, S>, tally: &mut Tally) -> RadiusField {
+fn pilot<S: Spectrum, H: Heading>(job: &Job<'_, S>, tally: &mut Tally) -> Radii<S> {
     let clock = Instant::now();
     job.exec.progress.stage("pilot", None);
     let settings = &job.scene.settings;
@@ -327,6 +346,7 @@ fn pilot<S: Spectrum, H: Heading>(job: &Job<'_, S>, tally: &mut Tally) -> Radius
         stage: Stage::Pilot,
         pass: 0,
         direct: settings.direct,
+        surface_photons: job.plan.surface_photons,
     };
     let few = trace_photons::<S, H>(&job.world, &trace);
     let per_photon = few.stored() as f64 / trace.emit as f64;
@@ -336,6 +356,7 @@ fn pilot<S: Spectrum, H: Heading>(job: &Job<'_, S>, tally: &mut Tally) -> Radius
     let Photons {
         first,
         higher,
+        surface,
         counters,
         ..
     } = trace_photons::<S, H>(&job.world, &trace);
@@ -349,8 +370,16 @@ fn pilot<S: Spectrum, H: Heading>(job: &Job<'_, S>, tally: &mut Tally) -> Radius
         ratio,
         radius_limits(&job.world),
     );
+    let surfaces = job.plan.surface_photons.then(|| {
+        let extent = job.world.target.radius();
+        let limits = [1e-5 * extent, 0.1 * extent];
+        SurfaceRadius::new(surface, settings.neighbours as f32, ratio, limits)
+    });
     tally.times.map += clock.elapsed().as_secs_f64();
-    field
+    Radii {
+        media: field,
+        surfaces,
+    }
 }
 
 /// Smallest and largest radius that make sense in a world. \[m\]
@@ -371,12 +400,13 @@ fn radius_limits<S: Spectrum>(world: &World<S>) -> [f32; 2] {
 /// One pass of the beam estimate.
 fn beam_pass<S: Spectrum, H: Heading, K: KernelShape>(
     job: &Job<'_, S>,
-    radii: Option<&RadiusField>,
+    radii: Option<&Radii<S>>,
     pass: u32,
     tally: &mut Tally,
 ) -> Vec<Sample> {
     let settings = &job.scene.settings;
     let mut photons = [Vec::new(), Vec::new()];
+    let mut on_surfaces = None;
     if let Some(radii) = radii {
         let clock = Instant::now();
         job.exec.progress.stage("photons", None);
@@ -386,6 +416,7 @@ fn beam_pass<S: Spectrum, H: Heading, K: KernelShape>(
             stage: Stage::Photon,
             pass: pass.into(),
             direct: settings.direct,
+            surface_photons: job.plan.surface_photons,
         };
         let traced = trace_photons::<S, H>(&job.world, &trace);
         tally.photons.emitted += traced.emitted;
@@ -397,21 +428,31 @@ fn beam_pass<S: Spectrum, H: Heading, K: KernelShape>(
         let clock = Instant::now();
         let scale = radius_scale(pass, 2);
         photons = [traced.first, traced.higher];
+        on_surfaces = radii.surfaces.as_ref().map(|radius| SurfaceGather {
+            map: SurfaceMap::new(traced.surface),
+            radius,
+            scale,
+        });
         for photon in &mut photons {
             photon
                 .par_iter_mut()
-                .for_each(|p| p.radius = radii.at(p.position) * scale);
+                .for_each(|p| p.radius = radii.media.at(p.position) * scale);
         }
         tally.times.map += clock.elapsed().as_secs_f64();
     }
     let clock = Instant::now();
-    let gather = if job.world.camera.is_pinhole() {
-        Gather::Tiles(photons.map(|photons| {
+    let pinhole = job.world.camera.is_pinhole();
+    let maps = (!pinhole || job.plan.follow).then(|| photons.clone().map(PhotonMap::new));
+    let tiles = pinhole.then(|| {
+        photons.map(|photons| {
             let bands = Bands::new(&photons, &job.world.camera, &job.grid);
             (photons, bands)
-        }))
-    } else {
-        Gather::Rays(photons.map(PhotonMap::new))
+        })
+    });
+    let gather = Gather {
+        tiles,
+        maps,
+        surface: on_surfaces,
     };
     tally.times.map += clock.elapsed().as_secs_f64();
 
@@ -437,18 +478,23 @@ fn beam_pass<S: Spectrum, H: Heading, K: KernelShape>(
     samples
 }
 
-/// How photons are gathered: of first order, and of higher ones.
-enum Gather<S, H> {
-    /// Camera rays from one point, in tiles.
-    Tiles([(Vec<Photon<S, H>>, Bands); 2]),
-    /// Rays from anywhere, one by one.
-    Rays([PhotonMap<S, H>; 2]),
+/// Photons, and the bands of the picture that they fall into.
+type Banded<S, H> = (Vec<Photon<S, H>>, Bands);
+
+/// The photons of a pass, those in media of first order and of higher ones.
+struct Gather<'a, S, H> {
+    /// For camera rays from one point, in tiles.
+    tiles: Option<[Banded<S, H>; 2]>,
+    /// For rays from anywhere, one by one: with a lens, and beyond mirrors and lenses.
+    maps: Option<[PhotonMap<S, H>; 2]>,
+    /// On surfaces.
+    surface: Option<SurfaceGather<'a, S>>,
 }
 
 /// One band of eight rows of pixels.
 fn beam_band<S: Spectrum, H: Heading, K: KernelShape>(
     job: &Job<'_, S>,
-    gather: &Gather<S, H>,
+    gather: &Gather<'_, S, H>,
     band: u32,
     pass: u32,
     rays: &mut TileRays<S>,
@@ -460,10 +506,21 @@ fn beam_band<S: Spectrum, H: Heading, K: KernelShape>(
     let rows = (grid.high[1] - grid.low[1] - band * TILE).min(TILE);
     let mut samples = vec![Sample::NOTHING; (width * rows) as usize];
     let mut counters = Counters::default();
-    let tiles = match gather {
-        Gather::Tiles(maps) => Some(maps.each_ref().map(|(_, bands)| bands.tiles(band, grid))),
-        Gather::Rays(_) => None,
-    };
+    let tiles = gather
+        .tiles
+        .as_ref()
+        .map(|maps| maps.each_ref().map(|(_, bands)| bands.tiles(band, grid)));
+    let chain = job.world.surfaces.as_ref().map(|surfaces| Chain {
+        world: &job.world,
+        surfaces,
+        lights: &job.lights,
+        maps: gather.maps.as_ref(),
+        photons: gather.surface.as_ref(),
+        march: job.scene.settings.march,
+        direct: job.plan.direct,
+        emission: job.plan.emission,
+    });
+    let mut scratch = Profile::default();
     for column in 0..grid.columns() {
         let mut sum = [Sum::default(); TILE_RAYS];
         for s in 0..spp {
@@ -484,15 +541,16 @@ fn beam_band<S: Spectrum, H: Heading, K: KernelShape>(
                     stream,
                     index,
                 ));
-                camera_ray(
-                    job,
-                    pixel,
-                    &mut rays.rays[i],
-                    &mut rays.profiles[i],
-                    &mut sum[i],
-                    &mut sampler,
-                );
-                if let Gather::Rays(maps) = gather {
+                let (ray, profile) = (&mut rays.rays[i], &mut rays.profiles[i]);
+                let hit = camera_ray(job, pixel, ray, profile, &mut sum[i], &mut sampler);
+                if let (Some(chain), Some(hit)) = (&chain, hit) {
+                    let tr = rays.profiles[i].transmittance;
+                    let link = Link::first(&job.world, &rays.rays[i], hit, tr);
+                    chain
+                        .follow::<K>(link, &mut scratch, &mut sampler)
+                        .add_to(&mut sum[i].sample);
+                }
+                if let (Some(maps), None) = (&gather.maps, &gather.tiles) {
                     for (map, photons) in maps.iter().zip(&mut photon_sums) {
                         photons[i] += beam::radiance::<S, H, K>(
                             &job.world.media,
@@ -505,7 +563,7 @@ fn beam_band<S: Spectrum, H: Heading, K: KernelShape>(
                 }
                 counters += sampler.counters;
             }
-            if let (Gather::Tiles(maps), Some(tiles)) = (gather, &tiles) {
+            if let (Some(maps), Some(tiles)) = (&gather.tiles, &tiles) {
                 rays.arrange(&used);
                 for ((photons, _), (tile, sums)) in
                     maps.iter().zip(tiles.iter().zip(&mut photon_sums))
@@ -572,7 +630,8 @@ impl Sum {
     }
 }
 
-/// Everything of a camera ray but its photons: profile, background, emission, first order.
+/// Everything of a camera ray up to the first surface but its photons: profile, background,
+/// emission, first order. Returns the surface that it meets.
 fn camera_ray<S: Spectrum>(
     job: &Job<'_, S>,
     pixel: [u32; 2],
@@ -580,7 +639,7 @@ fn camera_ray<S: Spectrum>(
     profile: &mut Profile<S>,
     sum: &mut Sum,
     sampler: &mut Sampler,
-) {
+) -> Option<Hit> {
     let world = &job.world;
     let [jx, jy] = sampler.uniform2();
     let lens = if world.camera.is_pinhole() {
@@ -591,25 +650,38 @@ fn camera_ray<S: Spectrum>(
     *ray = world
         .camera
         .ray([pixel[0] as f32 + jx, pixel[1] as f32 + jy], lens);
-    let light = world.seen_light(ray, f32::INFINITY);
-    let t_max = light.map_or(f32::INFINITY, |(t, _)| t);
+    let hit = world
+        .surfaces
+        .as_ref()
+        .and_then(|s| s.intersect(ray.origin, ray.direction, f32::INFINITY));
+    let t_hit = hit.as_ref().map_or(f32::INFINITY, |hit| hit.t);
+    let light = world.seen_light(ray, t_hit);
+    let hit = if light.is_some() { None } else { hit };
+    let t_max = light.map_or(t_hit, |(t, _)| t);
     profile.march(
-        &world.media,
+        world.media_for(&world.camera_inside),
         ray,
         t_max,
         job.scene.settings.march,
         &mut sampler.counters,
     );
-    let behind = light.map_or_else(|| world.background(ray.direction), |(_, l)| l);
+    let behind = match (&hit, light) {
+        (Some(_), _) => S::ZERO,
+        (None, Some((_, l))) => l,
+        (None, None) => world.background(ray.direction),
+    };
     let mut l = profile.transmittance * behind;
     if job.plan.emission {
         l += emission::radiance(world, ray, profile, &mut sampler.counters);
     }
     sum.sample.emission += l.to_rgb();
     if job.plan.direct {
-        sum.sample.direct += job.lights.radiance(world, ray, profile, sampler).to_rgb();
+        sum.sample.direct += job
+            .lights
+            .radiance(world, ray, &world.camera_inside, profile, sampler)
+            .to_rgb();
     }
-    let alpha = if light.is_some() {
+    let alpha = if light.is_some() || hit.is_some() {
         1.0
     } else {
         1.0 - profile.transmittance.mean()
@@ -617,7 +689,11 @@ fn camera_ray<S: Spectrum>(
     sum.sample.alpha += alpha;
     if alpha > 0.0 {
         // Where half of what is seen lies in front.
-        let half = -(-0.5 * (1.0 - profile.transmittance.channel(0))).ln_1p();
+        let half = if hit.is_some() {
+            std::f32::consts::LN_2
+        } else {
+            -(-0.5 * (1.0 - profile.transmittance.channel(0))).ln_1p()
+        };
         sum.sample.depth += if profile.is_clear() {
             t_max
         } else {
@@ -625,6 +701,7 @@ fn camera_ray<S: Spectrum>(
         };
         sum.met += 1;
     }
+    hit
 }
 
 /// One pass of the path tracer.

@@ -3,16 +3,23 @@
 //! Positions are f32 metres from an origin in the middle of the scene's volumes; the origin
 //! itself is f64, so a scene a million voxels away from 0 is rendered like one at 0. A world is
 //! made for one spectrum: grey scenes have one channel.
+//!
+//! Media come in two kinds. Those of the open scene (volumes and fogs, which overlap freely) fill
+//! every point that no object owns; an object that light can pass into is filled by its interior
+//! alone, or by nothing. `media` holds the open scene's first, then the interiors, so that one
+//! index names a medium everywhere; [`World::media_for`] gives those of a place.
 
 use glam::DVec3;
 
 use crate::blackbody::Blackbody;
 use crate::camera::Camera;
-use crate::light::Light;
+use crate::light::{Light, LightSample};
 use crate::medium::{EmissionField, Field, GridField, Medium};
 use crate::ray::{Bounds, Ray};
 use crate::scene::{Emission, Scene};
 use crate::spectrum::Spectrum;
+use crate::surface::{Hit, Inside, SurfaceError, Surfaces};
+use crate::tracking::Sampler;
 
 /// Grids of a scene's volumes, in order.
 #[derive(Debug)]
@@ -26,8 +33,18 @@ pub struct LoadedVolume {
 /// See the module's page.
 #[derive(Debug)]
 pub struct World<S> {
-    /// Media; photons name them by index.
+    /// Media, those of the open scene first; photons name them by index.
     pub media: Vec<Medium<S>>,
+    /// Number of media of the open scene.
+    pub open: usize,
+    /// Index of the medium inside each object.
+    interiors: Vec<Option<usize>>,
+    /// Surfaces; none costs nothing.
+    pub surfaces: Option<Surfaces>,
+    /// The objects around the camera.
+    pub camera_inside: Inside,
+    /// The objects around each light.
+    pub light_inside: Vec<Inside>,
     /// Lights.
     pub lights: Vec<Light<S>>,
     /// The camera.
@@ -36,6 +53,9 @@ pub struct World<S> {
     pub origin: DVec3,
     /// Box around all media; empty without any.
     pub bounds: Bounds,
+    /// Box that photons are aimed at: media and surfaces. All surfaces, since light that starts on
+    /// the box must not have passed a blocker outside it.
+    pub target: Bounds,
     /// Highest scattering order.
     pub max_bounces: u32,
 }
@@ -70,11 +90,29 @@ fn middle(scene: &Scene, volumes: &[LoadedVolume]) -> DVec3 {
     }
 }
 
+/// Share of its distance by which a shadow ray stops short of a light, lest a surface on which the
+/// light lies block it. Larger: blockers that close to a light are missed.
+const SHORT: f32 = 1e-4;
+
+/// Boundaries that one straight line may pass: an end to numerical loops.
+const MAX_CROSSINGS: u32 = 1024;
+
 impl<S: Spectrum> World<S> {
-    /// Places the scene's volumes, fogs, lights and camera.
-    #[must_use]
-    pub fn new(scene: &Scene, volumes: Vec<LoadedVolume>) -> Self {
+    /// Places the scene's volumes, fogs, objects, lights and camera.
+    ///
+    /// # Errors
+    /// [`SurfaceError`]: an object that cannot be loaded.
+    pub fn new(scene: &Scene, volumes: Vec<LoadedVolume>) -> Result<Self, SurfaceError> {
         let origin = middle(scene, &volumes);
+        let surfaces = if scene.objects.is_empty() {
+            None
+        } else {
+            Some(Surfaces::build(&scene.objects, origin)?)
+        };
+        let solid = surfaces
+            .as_ref()
+            .and_then(Surfaces::bounds)
+            .map_or(Bounds::EMPTY, |(min, max)| Bounds { min, max });
         let mut media = Vec::new();
         for (volume, loaded) in scene.volumes.iter().zip(volumes) {
             let extinction = volume.optics.extinction.max_element();
@@ -113,12 +151,13 @@ impl<S: Spectrum> World<S> {
             .lights
             .iter()
             .filter_map(|l| Light::from_scene(l, origin))
+            .chain(surfaces.iter().flat_map(Light::from_surfaces))
             .collect();
         // Fog without a box fills the box around everything that has a place.
         let mut whole = lights
             .iter()
             .filter_map(Light::position)
-            .fold(bounds, |b, p| b.including(p));
+            .fold(bounds.union(&solid), |b, p| b.including(p));
         whole = whole
             .including(camera.position)
             .including((scene.camera.look_at - origin).as_vec3());
@@ -136,13 +175,165 @@ impl<S: Spectrum> World<S> {
                 emission: None,
             });
         }
-        Self {
+        let open = media.len();
+        let interiors = (0..scene.objects.len() as u32)
+            .map(|object| {
+                let surfaces = surfaces.as_ref().filter(|s| s.encloses(object))?;
+                let optics = surfaces.interior(object)?;
+                media.push(Medium {
+                    sigma_t: S::from_rgb(optics.extinction),
+                    albedo: S::from_rgb(optics.albedo),
+                    phase: optics.phase.into(),
+                    field: Field::Constant { bounds: None },
+                    emission: None,
+                });
+                Some(media.len() - 1)
+            })
+            .collect();
+        let mut target = bounds.union(&solid);
+        if surfaces.is_some() {
+            // A photon that starts on the box must not start on a surface that bounds it.
+            let margin = glam::Vec3::splat(1e-3 * target.radius().max(f32::MIN_POSITIVE));
+            target.min -= margin;
+            target.max += margin;
+            if media.len() > open {
+                bounds = bounds.union(&solid);
+            }
+        }
+        let inside_at = |p: glam::Vec3| {
+            surfaces
+                .as_ref()
+                .map_or(Inside::NOTHING, |s| s.inside_at(p))
+        };
+        let light_inside = lights
+            .iter()
+            .map(|l| l.position().map_or(Inside::NOTHING, inside_at))
+            .collect();
+        Ok(Self {
+            camera_inside: inside_at(camera.position),
+            light_inside,
             media,
+            open,
+            interiors,
+            surfaces,
             lights,
             camera,
             origin,
             bounds,
+            target,
             max_bounces: scene.settings.max_bounces,
+        })
+    }
+
+    /// The media of a place, and the index of the first of them.
+    #[inline]
+    #[must_use]
+    pub fn media_for(&self, inside: &Inside) -> (usize, &[Medium<S>]) {
+        let Some(owner) = inside.owner() else {
+            return (0, &self.media[..self.open]);
+        };
+        match self.interiors[owner as usize] {
+            Some(index) => (index, &self.media[index..=index]),
+            None => (0, &[]),
+        }
+    }
+
+    /// What is left of light along the straight line [0, t_max] of `ray` that starts `inside`:
+    /// zero behind a surface, else the product of `transmittance` over the stretches between the
+    /// boundaries that let it pass unbent.
+    pub fn reach(
+        &self,
+        ray: &Ray,
+        t_max: f32,
+        inside: &Inside,
+        mut transmittance: impl FnMut(&[Medium<S>], &Ray, f32) -> S,
+    ) -> S {
+        let Some(surfaces) = &self.surfaces else {
+            return transmittance(&self.media, ray, t_max);
+        };
+        let mut left = if t_max.is_finite() {
+            t_max * (1.0 - SHORT)
+        } else {
+            t_max
+        };
+        if !surfaces.any_encloses() {
+            return if surfaces.occluded(ray.origin, ray.direction, left) {
+                S::ZERO
+            } else {
+                transmittance(&self.media, ray, t_max)
+            };
+        }
+        let (mut ray, mut inside, mut tr) = (*ray, *inside, S::ONE);
+        for _ in 0..MAX_CROSSINGS {
+            let hit = surfaces.intersect(ray.origin, ray.direction, left);
+            if let Some(hit) = &hit
+                && !passes(surfaces, hit, &inside)
+            {
+                return S::ZERO;
+            }
+            let end = hit.as_ref().map_or(left, |hit| hit.t);
+            let (_, media) = self.media_for(&inside);
+            if !media.is_empty() {
+                tr *= transmittance(media, &ray, end);
+            }
+            let Some(hit) = hit else {
+                return tr;
+            };
+            if tr.is_zero() {
+                return tr;
+            }
+            if surfaces.encloses(hit.object) {
+                inside.cross(hit.object, hit.front);
+            }
+            ray.origin = hit.spawn_origin(ray.direction);
+            left -= hit.t;
+        }
+        S::ZERO
+    }
+
+    /// The objects around light that leaves a hit along `direction`; `inside` holds those around
+    /// the path that arrived.
+    #[must_use]
+    pub fn inside_beyond(&self, hit: &Hit, direction: glam::Vec3, inside: &Inside) -> Inside {
+        let mut inside = *inside;
+        let transmitted = (direction.dot(hit.normal) > 0.0) != hit.front;
+        if transmitted
+            && self
+                .surfaces
+                .as_ref()
+                .is_some_and(|s| s.encloses(hit.object))
+        {
+            inside.cross(hit.object, hit.front);
+        }
+        inside
+    }
+
+    /// Light at `p` from a sampled point of a light; see [`Light::sample`].
+    #[inline]
+    #[must_use]
+    pub fn sample_light(
+        &self,
+        light: &Light<S>,
+        p: glam::Vec3,
+        sampler: &mut Sampler,
+    ) -> Option<LightSample<S>> {
+        match (light, &self.surfaces) {
+            (Light::Emitter { index, .. }, Some(surfaces)) => {
+                let emitter = &surfaces.emitters()[*index];
+                let u = [sampler.uniform(), sampler.uniform(), sampler.uniform()];
+                let point = surfaces.sample_emitter(emitter, u)?;
+                let to = point.spawn_origin(p - point.position) - p;
+                let distance = to.length();
+                let direction = to / distance;
+                let cos = -direction.dot(point.normal);
+                let value = S::from_rgb(point.radiance) * (cos / (distance * distance * point.pdf));
+                (cos > 0.0 && distance > 0.0).then_some(LightSample {
+                    direction,
+                    distance,
+                    value,
+                })
+            }
+            _ => light.sample(p, sampler.uniform2()),
         }
     }
 
@@ -171,4 +362,12 @@ impl<S: Spectrum> World<S> {
             light.intersect(ray, end).or(nearest)
         })
     }
+}
+
+/// True where light passes a boundary unbent: an interface, or the boundary of an object inside
+/// another that owns both sides.
+#[inline]
+#[must_use]
+pub fn passes(surfaces: &Surfaces, hit: &Hit, inside: &Inside) -> bool {
+    surfaces.bsdf(hit).is_interface() || (surfaces.encloses(hit.object) && inside.hides(hit.object))
 }

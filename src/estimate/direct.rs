@@ -22,6 +22,7 @@ use crate::light::Light;
 use crate::march::{Profile, transmittance};
 use crate::ray::Ray;
 use crate::spectrum::Spectrum;
+use crate::surface::Inside;
 use crate::tracking::Sampler;
 use crate::world::World;
 
@@ -47,7 +48,7 @@ impl DirectLights {
             .iter()
             .enumerate()
             .filter(|(_, light)| !light.is_sky())
-            .map(|(i, light)| (i, light.power_toward(&world.bounds)))
+            .map(|(i, light)| (i, light.power_toward(&world.target)))
             .filter(|(_, power)| *power > 0.0)
             .collect();
         let total: f32 = powers.iter().map(|(_, p)| p).sum();
@@ -68,11 +69,28 @@ impl DirectLights {
         self.lights.is_empty()
     }
 
-    /// First-order radiance along a ray whose media `profile` holds. \[W/(m2 sr)\]
+    /// Visits the lights to be sampled at one point, each with 1 over its probability: all of
+    /// them, or one that `u` picks of many.
+    pub fn visit_picked(&self, u: f32, mut visit: impl FnMut(usize, f32)) {
+        if self.lights.len() <= ALL_LIGHTS {
+            self.lights
+                .iter()
+                .for_each(|(index, ..)| visit(*index, 1.0));
+        } else {
+            let chosen = self.lights.iter().find(|(_, _, upper)| u < *upper);
+            if let Some((index, probability, _)) = chosen.or(self.lights.last()) {
+                visit(*index, 1.0 / probability);
+            }
+        }
+    }
+
+    /// First-order radiance along a ray, inside the objects `inside`, whose media `profile` holds.
+    /// \[W/(m2 sr)\]
     pub fn radiance<S: Spectrum>(
         &self,
         world: &World<S>,
         ray: &Ray,
+        inside: &Inside,
         profile: &Profile<S>,
         sampler: &mut Sampler,
     ) -> S {
@@ -86,7 +104,8 @@ impl DirectLights {
             let u = (i as f32 + sampler.uniform()) * (1.0 / SAMPLES as f32);
             if all {
                 for (index, _, _) in &self.lights {
-                    sum += one_sample(world, &world.lights[*index], ray, profile, u, sampler);
+                    let light = &world.lights[*index];
+                    sum += one_sample(world, light, (ray, inside), profile, u, sampler);
                 }
             } else {
                 // The pick is stratified too, in an order of its own.
@@ -98,7 +117,7 @@ impl DirectLights {
                 let l = one_sample(
                     world,
                     &world.lights[*index],
-                    ray,
+                    (ray, inside),
                     profile,
                     sampler.uniform(),
                     sampler,
@@ -171,7 +190,7 @@ impl Equiangular {
 fn one_sample<S: Spectrum>(
     world: &World<S>,
     light: &Light<S>,
-    ray: &Ray,
+    (ray, inside): (&Ray, &Inside),
     profile: &Profile<S>,
     u: f32,
     sampler: &mut Sampler,
@@ -198,7 +217,7 @@ fn one_sample<S: Spectrum>(
         return S::ZERO;
     }
     let position = ray.at(t);
-    let Some(sample) = light.sample(position, sampler.uniform2()) else {
+    let Some(sample) = world.sample_light(light, position, sampler) else {
         return S::ZERO;
     };
     // Scattering coefficient times phase function, summed over the media there.
@@ -214,11 +233,9 @@ fn one_sample<S: Spectrum>(
         origin: position,
         direction: sample.direction,
     };
-    let tr = transmittance(
-        &world.media,
-        &shadow,
-        sample.distance,
-        &mut sampler.counters,
-    );
+    let counters = &mut sampler.counters;
+    let tr = world.reach(&shadow, sample.distance, inside, |media, ray, end| {
+        transmittance(media, ray, end, counters)
+    });
     profile.transmittance(t) * scattering * sample.value * tr * (1.0 / pdf)
 }

@@ -22,7 +22,7 @@ pub fn radiance<S: Spectrum>(
     counters: &mut Counters,
 ) -> S {
     let mut sum = S::ZERO;
-    let alone = world.media.len() == 1;
+    let alone = profile.only().is_some();
     for (index, medium) in world.media.iter().enumerate() {
         let Some(emission) = &medium.emission else {
             continue;

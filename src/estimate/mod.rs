@@ -10,11 +10,13 @@
 //! | `beam` | photons along the ray: beam radiance estimate, per ray |
 //! | `tiles` | the same for 8 x 8 camera rays at a time |
 //! | `emission` | light emitted along the ray |
+//! | `chain` | beyond the first surface: what a hit sends back, mirrors and lenses |
 //! | `kernel` | kernels |
 //!
 //! All read one optical-depth profile of the ray (`march`).
 
 pub mod beam;
+pub mod chain;
 pub mod direct;
 pub mod emission;
 pub mod kernel;

@@ -300,6 +300,13 @@ impl<S: Spectrum> TileRays<S> {
         self.find(camera, photons, tile);
         for (ray, sum) in sums.iter_mut().enumerate() {
             let hits = &mut self.hits[ray];
+            if H::KEPT
+                && media.len() > 1
+                && let Some(only) = self.profiles[ray].only()
+            {
+                // Photons of a medium that the ray does not pass add nothing to it.
+                hits.retain(|h| photons[h.photon as usize].heading.medium() == only.medium());
+            }
             counters.gathered_photons += hits.len() as u64;
             let (profile, camera_ray) = (&self.profiles[ray], &self.rays[ray]);
             if let Some(only) = profile.only() {
@@ -335,7 +342,11 @@ impl<S: Spectrum> TileRays<S> {
             let r2 = f32x8::splat(photon.radius * photon.radius);
             let class = class(*index, self.salt);
             let t_end = &self.t_end[class];
-            for row in usize::from(*first)..=usize::from(*last).min(7) {
+            let rows = usize::from(*first)..=usize::from(*last).min(7);
+            for (row, t_end) in t_end.iter().enumerate() {
+                if !rows.contains(&row) {
+                    continue;
+                }
                 let [dx, dy, dz] = [
                     self.direction[0][row],
                     self.direction[1][row],
@@ -344,7 +355,7 @@ impl<S: Spectrum> TileRays<S> {
                 let t = x.mul_add(dx, y.mul_add(dy, z * dz));
                 let (cx, cy, cz) = (x - t * dx, y - t * dy, z - t * dz);
                 let d2 = cx.mul_add(cx, cy.mul_add(cy, cz * cz));
-                let pierced = d2.simd_lt(r2) & t.simd_gt(zero) & t.simd_lt(t_end[row]);
+                let pierced = d2.simd_lt(r2) & t.simd_gt(zero) & t.simd_lt(*t_end);
                 let mut lanes = pierced.to_bitmask();
                 if lanes == 0 {
                     continue;

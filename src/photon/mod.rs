@@ -17,20 +17,32 @@
 //! lights and follows a Kronecker sequence (Roberts 2018's generalised golden ratio), shifted at
 //! random in every pass: unbiased, and the first orders are smoother than independent draws.
 //! The first order of lights that are sampled along camera rays is not deposited.
+//!
+//! Surfaces. Of the nearest surface and the free flight through the media of the place, whichever
+//! comes first happens. Boundaries that bend nothing are passed and use up no bounce; reflection
+//! and refraction are scattering events like a collision, absorption there is the same Russian
+//! roulette. A photon that arrives on a diffuse surface after at least one event is kept in a map
+//! of its own: light that comes straight from a light is sampled there. For the same reason a
+//! first collision after a mirror or a lens is deposited (a caustic, which no shadow ray finds),
+//! one straight from a sampled light is not.
 
 pub mod map;
 pub mod radius;
+pub mod surface;
 
 use glam::Vec3;
 use rayon::prelude::*;
 
-use crate::light::Emitted;
+use crate::light::{Emitted, Light};
 use crate::ray::{Bounds, Ray};
 use crate::rng::{Rng, Stage};
 use crate::scene::Direct;
 use crate::spectrum::Spectrum;
+use crate::surface::{Hit, Inside, Transport};
 use crate::tracking::{Counters, Hero, Sampler, sample_free_flight};
-use crate::world::World;
+use crate::world::{World, passes};
+
+use surface::SurfacePhoton;
 
 /// Photons of one unit of parallel work.
 const CHUNK: u64 = 512;
@@ -118,14 +130,17 @@ pub struct Photon<S, H> {
     pub heading: H,
 }
 
-/// What became of the emitted power: emitted = absorbed + escaped + cut off. \[W\]
+/// What became of the emitted power:
+/// emitted = absorbed + on surfaces + escaped + cut off. \[W\]
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Energy {
     /// Left the lights toward the media.
     pub emitted: f64,
     /// Absorbed in the media.
     pub absorbed: f64,
-    /// Left the media.
+    /// Absorbed by surfaces.
+    pub on_surfaces: f64,
+    /// Left the scene.
     pub escaped: f64,
     /// Left over at the highest scattering order.
     pub cut_off: f64,
@@ -135,6 +150,7 @@ impl std::ops::AddAssign for Energy {
     fn add_assign(&mut self, other: Self) {
         self.emitted += other.emitted;
         self.absorbed += other.absorbed;
+        self.on_surfaces += other.on_surfaces;
         self.escaped += other.escaped;
         self.cut_off += other.cut_off;
     }
@@ -154,6 +170,8 @@ pub struct TraceSettings {
     /// First order: deposited for every light, or only for those that are not sampled along
     /// camera rays.
     pub direct: Direct,
+    /// Photons are kept where they meet diffuse surfaces.
+    pub surface_photons: bool,
 }
 
 /// The photons of a pass.
@@ -163,6 +181,8 @@ pub struct Photons<S, H> {
     pub first: Vec<Photon<S, H>>,
     /// Deposits of all higher orders.
     pub higher: Vec<Photon<S, H>>,
+    /// Arrivals on diffuse surfaces after at least one scattering event.
+    pub surface: Vec<SurfacePhoton<S>>,
     /// Photons emitted: the count that normalises.
     pub emitted: u64,
     /// Where the power went.
@@ -177,16 +197,17 @@ impl<S: Spectrum, H: Heading> Photons<S, H> {
         Self {
             first: Vec::new(),
             higher: Vec::new(),
+            surface: Vec::new(),
             emitted,
             energy: Energy::default(),
             counters: Counters::default(),
         }
     }
 
-    /// Deposits of all orders.
+    /// Deposits of all orders, in media and on surfaces.
     #[must_use]
     pub fn stored(&self) -> usize {
-        self.first.len() + self.higher.len()
+        self.first.len() + self.higher.len() + self.surface.len()
     }
 }
 
@@ -247,7 +268,7 @@ pub fn trace_photons<S: Spectrum, H: Heading>(
     settings: &TraceSettings,
 ) -> Photons<S, H> {
     let mut all = Photons::none(settings.emit);
-    let Some(shares) = Shares::new(world, &world.bounds) else {
+    let Some(shares) = Shares::new(world, &world.target) else {
         return all;
     };
     let mut shift = Rng::stream(settings.seed, settings.stage, settings.pass, u64::MAX);
@@ -266,7 +287,10 @@ pub fn trace_photons<S: Spectrum, H: Heading>(
         .reserve_exact(chunks.iter().map(|c| c.first.len()).sum());
     all.higher
         .reserve_exact(chunks.iter().map(|c| c.higher.len()).sum());
+    all.surface
+        .reserve_exact(chunks.iter().map(|c| c.surface.len()).sum());
     for chunk in chunks {
+        all.surface.extend(chunk.surface);
         all.first.extend(chunk.first);
         all.higher.extend(chunk.higher);
         all.energy += chunk.energy;
@@ -297,30 +321,100 @@ fn trace_one<S: Spectrum, H: Heading>(
     let which = shares.pick(turn as f32);
     let u: [f32; 4] =
         std::array::from_fn(|d| unit(shift[d].wrapping_add(KRONECKER[d].wrapping_mul(index + 1))));
-    let Some(Emitted { mut ray, power }) =
-        world.lights[which].emit(&world.bounds, u, &mut sampler.rng)
-    else {
+    let light = &world.lights[which];
+    let emitted = match (light, &world.surfaces) {
+        (Light::Emitter { index, .. }, Some(surfaces)) => {
+            Light::emit_from_object(surfaces, *index, &world.target, u, &mut sampler.rng)
+        }
+        _ => light.emit(&world.target, u, &mut sampler.rng),
+    };
+    let Some(Emitted { ray, power }) = emitted else {
         return;
     };
-    let mut power = power * (1.0 / (shares.probability[which] * settings.emit as f32));
+    let power = power * (1.0 / (shares.probability[which] * settings.emit as f32));
     out.energy.emitted += f64::from(power.mean());
-    let keep_first = settings.direct == Direct::Photons || world.lights[which].is_sky();
-    let mut hero = Hero::choose(&mut sampler.rng);
-    let mut order = 0;
-    loop {
-        let Some(collision) =
-            sample_free_flight(&world.media, &ray, f32::INFINITY, &mut hero, &mut sampler)
-        else {
-            out.energy.escaped += f64::from((power * hero.weight()).mean());
-            break;
-        };
-        order += 1;
-        let medium = &world.media[collision.medium];
-        let position = ray.at(collision.t);
-        let arriving = power * hero.weight();
+    let keep_first = settings.direct == Direct::Photons || light.is_sky();
+    Flight {
+        world,
+        ray,
+        power,
+        hero: Hero::choose(&mut sampler.rng),
+        inside: world.light_inside[which],
+        order: 0,
+    }
+    .follow(settings, keep_first, &mut sampler, out);
+    out.counters += sampler.counters;
+}
+
+/// Straight pieces of a photon's way, boundaries passed included: an end to numerical loops.
+const MAX_PIECES: u32 = 100_000;
+
+/// A photon on its way.
+struct Flight<'a, S> {
+    world: &'a World<S>,
+    ray: Ray,
+    /// Before the weight of its colours. \[W\]
+    power: S,
+    hero: Hero<S>,
+    inside: Inside,
+    /// Scattering events so far.
+    order: u32,
+}
+
+impl<S: Spectrum> Flight<'_, S> {
+    /// Follows the photon to its end.
+    fn follow<H: Heading>(
+        &mut self,
+        settings: &TraceSettings,
+        keep_first: bool,
+        sampler: &mut Sampler,
+        out: &mut Photons<S, H>,
+    ) {
+        let world = self.world;
+        for _ in 0..MAX_PIECES {
+            let hit = world
+                .surfaces
+                .as_ref()
+                .and_then(|s| s.intersect(self.ray.origin, self.ray.direction, f32::INFINITY));
+            let t_max = hit.as_ref().map_or(f32::INFINITY, |hit| hit.t);
+            let (first, media) = world.media_for(&self.inside);
+            let collision = sample_free_flight(media, &self.ray, t_max, &mut self.hero, sampler);
+            let goes_on = match (collision, hit) {
+                (Some(c), _) => {
+                    let keep = self.order > 0 || keep_first;
+                    self.collide(first + c.medium, c.t, keep, sampler, out)
+                }
+                (None, Some(hit)) => self.meet(&hit, settings.surface_photons, sampler, out),
+                (None, None) => {
+                    out.energy.escaped += f64::from((self.power * self.hero.weight()).mean());
+                    false
+                }
+            };
+            if !goes_on {
+                return;
+            }
+        }
+        out.energy.cut_off += f64::from((self.power * self.hero.weight()).mean());
+    }
+
+    /// A collision in a medium; false where the photon ends.
+    #[inline]
+    fn collide<H: Heading>(
+        &mut self,
+        medium_index: usize,
+        t: f32,
+        keep: bool,
+        sampler: &mut Sampler,
+        out: &mut Photons<S, H>,
+    ) -> bool {
+        let world = self.world;
+        let medium = &world.media[medium_index];
+        let position = self.ray.at(t);
+        let arriving = self.power * self.hero.weight();
         let scattered = arriving * medium.albedo;
-        if (order > 1 || keep_first) && !scattered.is_zero() {
-            let heading = H::keep(ray.direction, collision.medium);
+        self.order += 1;
+        if keep && !scattered.is_zero() {
+            let heading = H::keep(self.ray.direction, medium_index);
             out.counters.density_lookups += 1;
             let photon = Photon {
                 position,
@@ -329,31 +423,95 @@ fn trace_one<S: Spectrum, H: Heading>(
                 power: scattered,
                 heading,
             };
-            if order == 1 {
+            if self.order == 1 {
                 out.first.push(photon);
             } else {
                 out.higher.push(photon);
             }
         }
-        if order == world.max_bounces {
+        if self.order == world.max_bounces {
             out.energy.absorbed += f64::from((arriving - scattered).mean());
             out.energy.cut_off += f64::from(scattered.mean());
-            break;
+            return false;
         }
         let survival = scattered.max_channel() / arriving.max_channel();
         // A draw only where it decides something: media of albedo 1 never absorb.
         if survival < 1.0 && sampler.uniform() >= survival {
             out.energy.absorbed += f64::from(arriving.mean());
-            break;
+            return false;
         }
         let goes_on = scattered * (1.0 / survival);
         out.energy.absorbed += f64::from((arriving - goes_on).mean());
-        power = power * medium.albedo * (1.0 / survival);
-        let direction = medium.phase.sample(ray.direction, sampler.uniform2());
-        ray = Ray {
+        self.power = self.power * medium.albedo * (1.0 / survival);
+        let direction = medium.phase.sample(self.ray.direction, sampler.uniform2());
+        self.ray = Ray {
             origin: position,
             direction,
         };
+        true
     }
-    out.counters += sampler.counters;
+
+    /// A surface; false where the photon ends.
+    fn meet<H: Heading>(
+        &mut self,
+        hit: &Hit,
+        keep: bool,
+        sampler: &mut Sampler,
+        out: &mut Photons<S, H>,
+    ) -> bool {
+        let world = self.world;
+        let Some(surfaces) = &world.surfaces else {
+            return false;
+        };
+        let direction = self.ray.direction;
+        if passes(surfaces, hit, &self.inside) {
+            if surfaces.encloses(hit.object) {
+                self.inside.cross(hit.object, hit.front);
+            }
+            self.ray.origin = hit.spawn_origin(direction);
+            return true;
+        }
+        let bsdf = surfaces.bsdf(hit);
+        let arriving = self.power * self.hero.weight();
+        let stays = f64::from(arriving.mean());
+        if keep && self.order > 0 && bsdf.is_diffuse() && !bsdf.is_black() {
+            out.surface.push(SurfacePhoton {
+                position: hit.position,
+                normal: if hit.front { hit.normal } else { -hit.normal },
+                direction,
+                power: arriving,
+            });
+        }
+        self.order += 1;
+        if self.order == world.max_bounces {
+            if bsdf.is_black() {
+                out.energy.on_surfaces += stays;
+            } else {
+                out.energy.cut_off += stays;
+            }
+            return false;
+        }
+        let u = [sampler.uniform(), sampler.uniform(), sampler.uniform()];
+        let Some(sample) = bsdf.sample(direction, u, Transport::Power) else {
+            out.energy.on_surfaces += stays;
+            return false;
+        };
+        let weight = S::from_rgb(sample.weight);
+        let survival = ((arriving * weight).max_channel() / arriving.max_channel()).min(1.0);
+        if survival < 1.0 && sampler.uniform() >= survival {
+            out.energy.on_surfaces += stays;
+            return false;
+        }
+        self.power = self.power * weight * (1.0 / survival);
+        // Negative where interpolated normals add power.
+        out.energy.on_surfaces += stays - f64::from((self.power * self.hero.weight()).mean());
+        if sample.transmitted && surfaces.encloses(hit.object) {
+            self.inside.cross(hit.object, hit.front);
+        }
+        self.ray = Ray {
+            origin: hit.spawn_origin(sample.direction),
+            direction: sample.direction,
+        };
+        true
+    }
 }

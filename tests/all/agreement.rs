@@ -382,13 +382,14 @@ fn check_gathers<S: Spectrum, H: Heading>(scene: &Scene, grids: &[&Grid]) {
             temperature: None,
         })
         .collect();
-    let world = World::<S>::new(scene, volumes);
+    let world = World::<S>::new(scene, volumes).unwrap();
     let trace = TraceSettings {
         emit: 3000,
         seed: 1,
         stage: Stage::Check,
         pass: 0,
         direct: Direct::Photons,
+        surface_photons: false,
     };
     let traced = trace_photons::<S, H>(&world, &trace);
     let mut photons = [traced.first, traced.higher].concat();
@@ -418,7 +419,7 @@ fn check_gathers<S: Spectrum, H: Heading>(scene: &Scene, grids: &[&Grid]) {
                 let ray: Ray = world.camera.ray(pixel, [0.0; 2]);
                 let mut profile = Profile::default();
                 profile.march(
-                    &world.media,
+                    (0, &world.media),
                     &ray,
                     f32::INFINITY,
                     March::Exact,

@@ -13,6 +13,7 @@ mod segments;
 mod stats;
 mod surface;
 mod transmittance;
+mod transport;
 mod vdb_bad;
 mod vdb_corpus;
 mod vdb_files;

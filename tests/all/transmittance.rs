@@ -60,7 +60,13 @@ fn in_voxels(grid: &Grid, sigma_t: f32) -> Medium<f32> {
 
 fn profile<S: Spectrum>(media: &[Medium<S>], ray: &Ray, march: March) -> Profile<S> {
     let mut profile = Profile::default();
-    profile.march(media, ray, f32::INFINITY, march, &mut Counters::default());
+    profile.march(
+        (0, media),
+        ray,
+        f32::INFINITY,
+        march,
+        &mut Counters::default(),
+    );
     profile
 }
 

@@ -1,0 +1,136 @@
+//! Photons against paths, block by block.
+//!
+//! Blocks differ by no more than 5 standard errors and a share of their radiance that the kernels
+//! may blur away: a photon's disc that reaches over the border of its medium (or of its floor)
+//! counts too little there, by an amount that falls with the radius. Media with hard borders in
+//! few passes show it most.
+
+use super::{block_means, scene};
+
+/// What is to agree, and how well.
+struct Case {
+    name: &'static str,
+    text: &'static str,
+    /// Share of the mean that kernels may blur away.
+    bias: f64,
+    spp: u32,
+}
+
+fn agree(case: &Case) {
+    let camera = "[camera]\nposition = [0, 1.2, 5]\nlook_at = [0, 0.8, 0]\nup = [0, 1, 0]\n\
+        vertical_fov = 36\nresolution = [32, 32]\n";
+    let figures = |method: &str| {
+        let spp = if method == "path" { case.spp } else { 4 };
+        block_means(
+            &scene(&format!(
+                "{camera}{}\n[render]\nmethod = \"{method}\"\nspp = {spp}\nphotons = 200000\npasses = 4\n",
+                case.text
+            )),
+            4,
+            6,
+        )
+    };
+    let (path, beam) = (figures("path"), figures("beam"));
+    let mean = path.iter().map(|f| f.mean).sum::<f64>() / path.len() as f64;
+    let ratio = beam.iter().map(|f| f.mean).sum::<f64>() / path.len() as f64 / mean;
+    println!("{}: beam / path {ratio:.4}", case.name);
+    let mut worst = 0.0f64;
+    for (i, (p, b)) in path.iter().zip(&beam).enumerate() {
+        let error = p.error.hypot(b.error).max(1e-6 * p.mean + 1e-12);
+        let z = (b.mean - p.mean) / error;
+        println!(
+            "  {i:2}: path {:.5} +- {:.5}  beam {:.5} +- {:.5}  ratio {:.4} z {z:.1}",
+            p.mean,
+            p.error,
+            b.mean,
+            b.error,
+            b.mean / p.mean
+        );
+        let excess = (b.mean - p.mean).abs() - 5.0 * error;
+        worst = worst.max(excess / (case.bias * p.mean.max(0.2 * mean)));
+    }
+    assert!(worst < 1.0, "{}: {worst} of the bias allowed", case.name);
+}
+
+const FLOOR: &str = "[[object]]\nshape = { quad = { corner = [-3, 0, -3], edge_u = [0, 0, 6], edge_v = [6, 0, 0] } }\n\
+    material = { diffuse = { reflectance = 0.6 } }\n";
+
+#[test]
+fn floor_and_smoke_under_a_quad() {
+    agree(&Case {
+        name: "floor and smoke",
+        text: joined(&[
+            FLOOR,
+            "[[fog]]\nbox = { min = [-0.7, 0.3, -0.7], max = [0.7, 1.7, 0.7] }\nextinction = 4.0\nalbedo = 0.9\n\
+            [[light]]\nquad = { corner = [-0.5, 3, -0.5], edge_u = [1, 0, 0], edge_v = [0, 0, 1], radiance = 10.0 }\n",
+        ]),
+        bias: 0.02,
+        spp: 64,
+    });
+}
+
+#[test]
+fn glass_in_fog_under_a_ball() {
+    agree(&Case {
+        name: "glass in fog",
+        text: joined(&[
+            FLOOR,
+            "[[fog]]\nbox = { min = [-3, 0.01, -3], max = [3, 3, 3] }\nextinction = 0.1\nalbedo = 0.9\n\
+            [[object]]\nshape = { sphere = { center = [0, 0.8, 0], radius = 0.6 } }\nmaterial = { glass = { ior = 1.5 } }\n\
+            [[light]]\nsphere = { center = [1.2, 3.5, 0], radius = 0.8, radiance = 5.0 }\n",
+        ]),
+        bias: 0.03,
+        spp: 256,
+    });
+}
+
+#[test]
+fn a_mirror_shows_smoke_and_floor() {
+    agree(&Case {
+        name: "mirror",
+        text: joined(&[
+            FLOOR,
+            "[[fog]]\nbox = { min = [-0.5, 0.3, 0.4], max = [0.5, 1.3, 1.2] }\nextinction = 3.0\nalbedo = 0.8\n\
+            [[object]]\nshape = { quad = { corner = [-1.5, 0.2, -1], edge_u = [3, 0, 0], edge_v = [0, 2, 0] } }\nmaterial = { mirror = { reflectance = 0.9 } }\n\
+            [[light]]\nquad = { corner = [-0.5, 3, -0.5], edge_u = [1, 0, 0], edge_v = [0, 0, 1], radiance = 10.0 }\n",
+        ]),
+        bias: 0.03,
+        spp: 64,
+    });
+}
+
+#[test]
+fn an_emissive_ball_in_a_room_with_smoke() {
+    agree(&Case {
+        name: "emissive ball",
+        text: joined(&[
+            "[[object]]\nshape = { box = { min = [-2, 0, -2], max = [2, 3, 6] } }\nmaterial = { diffuse = { reflectance = 0.5 } }\n\
+            [[object]]\nshape = { sphere = { center = [0, 2.3, 0], radius = 0.3 } }\nmaterial = { emissive = { radiance = 8.0 } }\n\
+            [[fog]]\nbox = { min = [-0.6, 0.4, -0.6], max = [0.6, 1.5, 0.6] }\nextinction = 3.0\nalbedo = 0.9\n",
+        ]),
+        bias: 0.03,
+        spp: 64,
+    });
+}
+
+#[test]
+fn milk_in_an_interface_and_rough_metal() {
+    agree(&Case {
+        name: "milk and metal",
+        text: joined(&[
+            FLOOR,
+            "[[object]]\nshape = { sphere = { center = [-0.7, 0.7, 0], radius = 0.6 } }\nmaterial = \"interface\"\n\
+            interior = { extinction = 5.0, albedo = 0.95 }\n\
+            [[object]]\nshape = { sphere = { center = [0.7, 0.7, 0], radius = 0.6 } }\nmaterial = { conductor = { eta = 0.2, k = 3.0, roughness = 0.4 } }\n\
+            [[light]]\nquad = { corner = [-0.5, 3, -0.5], edge_u = [1, 0, 0], edge_v = [0, 0, 1], radiance = 10.0 }\n\
+            [[light]]\nsky = { radiance = 0.3 }\n",
+        ]),
+        bias: 0.06,
+        spp: 64,
+    });
+}
+
+/// Scene texts, one after the other.
+fn joined(parts: &[&str]) -> &'static str {
+    parts.concat().leak()
+}
