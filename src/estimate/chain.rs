@@ -15,7 +15,7 @@
 //! A chain goes on through specular and glossy surfaces (one direction is drawn at each, so a
 //! glass edge is noise that the passes average) and through boundaries that bend nothing. It ends
 //! at a diffuse surface, where it leaves, by Russian roulette once its throughput is below
-//! [`ROULETTE_BELOW`], or after [`MAX_PREFIX`] events.
+//! `ROULETTE_BELOW`, or after [`MAX_PREFIX`] events.
 
 use crate::estimate::direct::DirectLights;
 use crate::estimate::kernel::KernelShape;

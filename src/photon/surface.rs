@@ -10,7 +10,7 @@
 //! The radius belongs to the point that is looked at and comes from pilots that were traced once,
 //! so the estimate is linear in the photons of a pass and passes may shrink all radii by one
 //! factor (`photon::radius`); photons lie on surfaces, so distances extrapolate by the 2-D law.
-//! A photon counts if its normal is within [`SAME_SIDE`] of the point's, and if it lies no farther
+//! A photon counts if its normal is within `SAME_SIDE` of the point's, and if it lies no farther
 //! from the tangent plane than half its distance allows: the other wall of a corner and the other
 //! side of a thin plate are not mixed in. Sources: Jensen 2001, chapter 7; Silverman 1986.
 //!

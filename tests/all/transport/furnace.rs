@@ -1,6 +1,6 @@
 //! Furnaces: where light comes in alike from everywhere and nothing absorbs, all radiance is 1.
 
-use super::{block_means, rendered, scene};
+use super::{block_means, rendered, rendered_by, scene};
 
 const CAMERA: &str = "[camera]\nposition = [0, 0, 4]\nlook_at = [0, 0, 0]\nup = [0, 1, 0]\n\
     vertical_fov = 40\nresolution = [24, 24]\n[[light]]\nsky = { radiance = 1.0 }\n";
@@ -58,9 +58,9 @@ fn a_white_medium_in_glass_is_invisible() {
     is_one("medium in glass", ball, "beam", 0.05);
 }
 
-#[test]
-fn energy_is_accounted_for() {
-    let scene = scene(&format!(
+/// Media, glass, metal, floor and colours, all together.
+fn everything() -> vpm_vdb::scene::Scene {
+    scene(&format!(
         "{CAMERA}{GLASS}interior = {{ extinction = 1.0, albedo = 0.7 }}\n\
         [[object]]\nshape = {{ quad = {{ corner = [-2, -1.5, -2], edge_u = [0, 0, 4], edge_v = [4, 0, 0] }} }}\n\
         material = {{ diffuse = {{ reflectance = [0.2, 0.5, 0.8] }} }}\n\
@@ -68,7 +68,19 @@ fn energy_is_accounted_for() {
         material = {{ mirror = {{ reflectance = 0.8 }} }}\n\
         [[fog]]\nextinction = [0.1, 0.2, 0.3]\nalbedo = 0.8\nbox = {{ min = [-2, -1.4, -2], max = [2, 2, 2] }}\n\
         [render]\nphotons = 50000\npasses = 2\nmax_bounces = 8\n"
-    ));
+    ))
+}
+
+#[test]
+fn threads_change_nothing() {
+    let scene = everything();
+    let [one, three] = [1, 3].map(|threads| rendered_by(&scene, threads).film.to_bytes());
+    assert!(one == three, "one thread and three render the same bytes");
+}
+
+#[test]
+fn energy_is_accounted_for() {
+    let scene = everything();
     let e = rendered(&scene).energy;
     let out = e.absorbed + e.on_surfaces + e.escaped + e.cut_off;
     println!("{e:?}");

@@ -7,6 +7,7 @@
 mod agreement;
 mod furnace;
 mod peers;
+mod surface_map;
 
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -22,8 +23,12 @@ fn scene(text: &str) -> Scene {
 }
 
 fn rendered(scene: &Scene) -> Rendered {
+    rendered_by(scene, 2)
+}
+
+fn rendered_by(scene: &Scene, threads: usize) -> Rendered {
     let exec = Exec {
-        threads: Some(2),
+        threads: Some(threads),
         progress: &Silent,
         time_limit: None,
         warn: &|text| panic!("unexpected warning: {text}"),
