@@ -224,7 +224,8 @@ impl<S: Spectrum> Profile<S> {
             };
         }
         // Several media: bisection, then what is left is below f32's resolution of t.
-        let (mut low, mut high) = (0.0, self.t_end);
+        // Within the media: the profile's own end may be infinite.
+        let (mut low, mut high) = self.extent();
         for _ in 0..40 {
             let middle = 0.5 * (low + high);
             if self.optical_depth(middle).channel(channel) < tau {
@@ -551,7 +552,10 @@ impl<S: Spectrum> OnlyMedium<'_, S> {
         let (start, end) = (a_density * length, b_density * length);
         let cubic = start + end - rise - rise;
         let square = rise - start - cubic;
-        let depth = s.mul_add(s.mul_add(s.mul_add(cubic, square), start), a_depth);
+        let depth = s
+            .mul_add(s.mul_add(s.mul_add(cubic, square), start), a_depth)
+            .fast_max(a_depth)
+            .fast_min(b_depth);
         let bump = f32x8::splat(6.0)
             * s
             * (one - s)
@@ -562,7 +566,8 @@ impl<S: Spectrum> OnlyMedium<'_, S> {
     }
 }
 
-/// Cubic Hermite interpolation of the depth between two knots.
+/// Cubic Hermite interpolation of the depth between two knots. Kept between theirs: the cubic may
+/// swing out where the field bends sharply inside a cell, which the exact depth cannot.
 #[inline]
 fn hermite(a: Knot, b: Knot, s: f32) -> f32 {
     let length = b.t - a.t;
@@ -572,6 +577,7 @@ fn hermite(a: Knot, b: Knot, s: f32) -> f32 {
     let cubic = start + end - 2.0 * rise;
     let square = rise - start - cubic;
     s.mul_add(s.mul_add(s.mul_add(cubic, square), start), a.depth)
+        .clamp(a.depth, b.depth.max(a.depth))
 }
 
 /// Slope of [`hermite`]: the density. 0 between knots that share t.
