@@ -21,7 +21,7 @@ use crate::medium::{Field, GridField, Medium};
 use crate::ray::Ray;
 use crate::scene::March;
 use crate::spectrum::Spectrum;
-use crate::tracking::Counters;
+use crate::tracking::{Counters, Sampler};
 
 use crate::grid::walk::{Piece, walk};
 use wide::f32x8;
@@ -101,7 +101,7 @@ impl<S: Spectrum> Profile<S> {
             let (medium_sigma, t_end) = (medium.sigma_t, self.t_end);
             let profile = self.next_profile(index, medium_sigma);
             // The thinnest channel that is not clear decides when the ray is spent.
-            let spent = spent_depth(medium_sigma);
+            let spent = SPENT_OPTICAL_DEPTH / thinnest_channel(medium_sigma);
             match &medium.field {
                 Field::Constant { bounds } => {
                     if let Some((t0, t1)) =
@@ -283,19 +283,31 @@ impl<S: Spectrum> Profile<S> {
     }
 }
 
-/// The transmittance of [0, t_max], exact but for what [`SPENT_OPTICAL_DEPTH`] leaves out: for
-/// shadow rays whose noise would be seen. Its cost is the voxels crossed, where ratio tracking's
-/// is the optical thickness; the path tracer takes the latter.
+/// Optical depth, in the thinnest channel, at which the roulette of shadow rays begins. Lower:
+/// noise where light is seen to fade; higher: marches through what is dark anyway.
+const ROULETTE_DEPTH: f32 = 3.0;
+
+/// The transmittance of [0, t_max], exact down to e^-3: for shadow rays whose noise would be seen.
+/// Its cost is the voxels crossed, where ratio tracking's is the optical thickness; the path
+/// tracer takes the latter.
+///
+/// What is less plays Russian roulette. A ray goes on to depth tau with probability
+/// q = exp(3 - tau) and counts T / q, the same e^-3 however far it comes in the thinnest channel:
+/// the expectation is T, and a march is a mean free path longer than depth 3, not all the way.
 pub fn transmittance<S: Spectrum>(
     media: &[Medium<S>],
     ray: &Ray,
     t_max: f32,
-    counters: &mut Counters,
+    sampler: &mut Sampler,
 ) -> S {
-    counters.transmittance_rays += 1;
+    sampler.counters.transmittance_rays += 1;
     let mut tau = S::ZERO;
+    let mut left_out = 0.0;
     for medium in media {
-        let spent = spent_depth(medium.sigma_t);
+        let per_depth = thinnest_channel(medium.sigma_t);
+        // Drawn from (0, 1].
+        let end = ROULETTE_DEPTH - (1.0 - sampler.uniform()).ln();
+        let spent = end / per_depth;
         let mut depth = 0.0f64;
         match &medium.field {
             Field::Constant { bounds } => {
@@ -303,7 +315,7 @@ pub fn transmittance<S: Spectrum>(
                 depth = clipped.map_or(0.0, |(t0, t1)| f64::from((t1 - t0).min(spent)));
             }
             Field::Grid(field) => {
-                counters.density_lookups += walk(
+                sampler.counters.density_lookups += walk(
                     &field.grid,
                     &field.majorants,
                     &field.local_ray(ray),
@@ -319,22 +331,15 @@ pub fn transmittance<S: Spectrum>(
         if depth >= f64::from(spent) {
             return S::ZERO;
         }
+        left_out += (per_depth * depth as f32 - ROULETTE_DEPTH).max(0.0);
         tau += medium.sigma_t * depth as f32;
     }
-    S::transmittance(tau)
+    S::transmittance(tau - S::splat(left_out))
 }
 
-/// Integral of the density that spends the ray, from the thinnest channel that is not clear.
-fn spent_depth<S: Spectrum>(sigma_t: S) -> f32 {
-    let mut thinnest = f32::INFINITY;
-    for channel in 0..S::CHANNELS {
-        let sigma = sigma_t.channel(channel);
-        if sigma <= 0.0 {
-            return f32::INFINITY;
-        }
-        thinnest = thinnest.min(sigma);
-    }
-    SPENT_OPTICAL_DEPTH / thinnest
+/// Extinction of the thinnest channel; 0 where one is clear: light goes on for ever in it. \[1/m\]
+fn thinnest_channel<S: Spectrum>(sigma_t: S) -> f32 {
+    (0..S::CHANNELS).fold(f32::INFINITY, |least, c| least.min(sigma_t.channel(c)))
 }
 
 impl<S: Spectrum> MediumProfile<S> {

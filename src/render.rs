@@ -497,7 +497,7 @@ fn beam_band<S: Spectrum, H: Heading, K: KernelShape>(
     gather: &Gather<'_, S, H>,
     band: u32,
     pass: u32,
-    rays: &mut TileRays<S>,
+    rays: &mut TileRays<S, H>,
 ) -> (Vec<Sample>, Counters) {
     let grid = &job.grid;
     rays.salt = pass.wrapping_mul(0x9e37_79b9);
@@ -568,7 +568,7 @@ fn beam_band<S: Spectrum, H: Heading, K: KernelShape>(
                 for ((photons, _), (tile, sums)) in
                     maps.iter().zip(tiles.iter().zip(&mut photon_sums))
                 {
-                    rays.gather::<H, K>(
+                    rays.gather::<K>(
                         &job.world.media,
                         job.world.camera.position,
                         photons,

@@ -331,10 +331,9 @@ impl<S: Spectrum, H: Heading> Chain<'_, S, H> {
             direction,
         };
         let inside = self.world.inside_beyond(&link.hit, direction, &link.inside);
-        let counters = &mut sampler.counters;
         self.world
             .reach(&shadow, distance, &inside, |media, ray, end| {
-                transmittance(media, ray, end, counters)
+                transmittance(media, ray, end, sampler)
             })
     }
 }

@@ -233,9 +233,8 @@ fn one_sample<S: Spectrum>(
         origin: position,
         direction: sample.direction,
     };
-    let counters = &mut sampler.counters;
     let tr = world.reach(&shadow, sample.distance, inside, |media, ray, end| {
-        transmittance(media, ray, end, counters)
+        transmittance(media, ray, end, sampler)
     });
     profile.transmittance(t) * scattering * sample.value * tr * (1.0 / pdf)
 }

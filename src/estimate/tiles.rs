@@ -13,9 +13,9 @@
 //! the photons: the result does not depend on how the work was split.
 //!
 //! Deep in a cloud a ray pierces many photons of which next to nothing is left. Each photon is of
-//! a class j with probability 7/8 8^-j (a hash of its index), and counts only where the ray's
-//! optical depth is below tau_j = DEEP + j ln 8; what it adds beyond tau_(k-1) is divided by the
-//! chance 8^-k of being let through there. The expectation is the full sum; the photons looked at
+//! a class j with probability 2^-(j+1) (a hash of its index), and counts only where the ray's
+//! optical depth is below tau_j = DEEP + j ln 2; what it adds beyond tau_(k-1) is divided by the
+//! chance 2^-k of being let through there. The expectation is the full sum; the photons looked at
 //! fall off like the light they bring (Russian roulette; Arvo & Kirk 1990).
 //!
 //! The projected rectangle is exact: a sphere of radius r at (x, z), z > r, is seen between the
@@ -45,9 +45,9 @@ pub const TILE_RAYS: usize = 64;
 
 /// Optical depth at which the roulette begins. Lower: noise from what is seen; higher: work on what
 /// is not.
-const DEEP: f32 = 3.0;
+const DEEP: f32 = 1.0;
 /// Classes of the roulette: enough to reach the depth at which profiles end.
-const CLASSES: usize = 8;
+const CLASSES: usize = 20;
 
 /// The class of a photon.
 #[inline]
@@ -57,7 +57,7 @@ fn class(index: u32, salt: u32) -> usize {
     h = (h ^ (h >> 16)).wrapping_mul(0x85eb_ca6b);
     h = (h ^ (h >> 13)).wrapping_mul(0xc2b2_ae35);
     h ^= h >> 16;
-    (h.trailing_zeros() as usize / 3).min(CLASSES - 1)
+    (h.trailing_zeros() as usize).min(CLASSES - 1)
 }
 
 /// Photons sorted by one unit of parallel work.
@@ -225,7 +225,7 @@ impl BandTiles {
 
 /// The rays of a tile, in rows of eight, and what their profiles hold.
 #[derive(Debug)]
-pub struct TileRays<S> {
+pub struct TileRays<S, H> {
     /// Rays; unused ones never meet anything.
     pub rays: Vec<Ray>,
     /// Profiles of the rays.
@@ -235,13 +235,17 @@ pub struct TileRays<S> {
     t_end: [[f32x8; 8]; CLASSES],
     /// The same by ray.
     ends: Vec<[f32; CLASSES]>,
+    /// The farthest of each class.
+    last: [f32; CLASSES],
     /// Shuffles the classes from pass to pass.
     pub salt: u32,
+    /// Scratch: photons that some ray may count.
+    near: Vec<Near<S, H>>,
     /// Scratch: photons that each ray pierces.
     hits: Vec<Vec<Pierced>>,
 }
 
-impl<S: Spectrum> Default for TileRays<S> {
+impl<S: Spectrum, H: Heading> Default for TileRays<S, H> {
     fn default() -> Self {
         Self {
             rays: vec![
@@ -255,25 +259,30 @@ impl<S: Spectrum> Default for TileRays<S> {
             direction: [[f32x8::ZERO; 8]; 3],
             t_end: [[f32x8::ZERO; 8]; CLASSES],
             ends: vec![[0.0; CLASSES]; TILE_RAYS],
+            last: [0.0; CLASSES],
             salt: 0,
+            near: Vec::new(),
             hits: vec![Vec::new(); TILE_RAYS],
         }
     }
 }
 
-impl<S: Spectrum> TileRays<S> {
+impl<S: Spectrum, H: Heading> TileRays<S, H> {
     /// Takes rays and profiles into the registers' layout; `used` tells which rays there are.
     pub fn arrange(&mut self, used: &[bool; TILE_RAYS]) {
         for ((ends, profile), used) in self.ends.iter_mut().zip(&self.profiles).zip(used) {
             // A clear ray has nowhere for a photon to be.
             *ends = [0.0; CLASSES];
             if *used && !profile.is_clear() {
-                let depths =
-                    std::array::from_fn(|j| DEEP + j as f32 * (3.0 * std::f32::consts::LN_2));
+                let depths = std::array::from_fn(|j| DEEP + j as f32 * std::f32::consts::LN_2);
                 *ends = profile.reaches(&depths);
                 ends[CLASSES - 1] = profile.t_end;
             }
         }
+        self.last = std::array::from_fn(|class| {
+            let ends = self.ends.iter().map(|ends| ends[class]);
+            ends.fold(0.0, f32::max)
+        });
         for row in 0..8 {
             let lane = |f: &dyn Fn(usize) -> f32| {
                 f32x8::from(std::array::from_fn::<f32, 8, _>(|i| f(8 * row + i)))
@@ -288,7 +297,7 @@ impl<S: Spectrum> TileRays<S> {
     }
 
     /// Adds the radiance of a tile's photons to each ray's sum.
-    pub fn gather<H: Heading, K: KernelShape>(
+    pub fn gather<K: KernelShape>(
         &mut self,
         media: &[Medium<S>],
         camera: Vec3,
@@ -297,26 +306,28 @@ impl<S: Spectrum> TileRays<S> {
         sums: &mut [S; TILE_RAYS],
         counters: &mut Counters,
     ) {
-        self.find(camera, photons, tile);
+        self.fetch(camera, photons, tile);
+        self.find(camera);
         for (ray, sum) in sums.iter_mut().enumerate() {
-            let hits = &mut self.hits[ray];
+            let (hits, near) = (&mut self.hits[ray], &self.near);
+            let (profile, camera_ray) = (&self.profiles[ray], &self.rays[ray]);
+            let only = profile.only();
             if H::KEPT
                 && media.len() > 1
-                && let Some(only) = self.profiles[ray].only()
+                && let Some(only) = &only
             {
                 // Photons of a medium that the ray does not pass add nothing to it.
-                hits.retain(|h| photons[h.photon as usize].heading.medium() == only.medium());
+                hits.retain(|h| near[h.near as usize].photon.heading.medium() == only.medium());
             }
             counters.gathered_photons += hits.len() as u64;
-            let (profile, camera_ray) = (&self.profiles[ray], &self.rays[ray]);
-            if let Some(only) = profile.only() {
+            if let Some(only) = only {
                 let phase = &media[only.medium()].phase;
                 for eight in hits.chunks(8) {
-                    *sum += eight_photons::<S, H, K>(&only, phase, camera_ray, photons, eight);
+                    *sum += eight_photons::<S, H, K>(&only, phase, camera_ray, near, eight);
                 }
             } else {
                 for hit in hits.iter() {
-                    let photon = &photons[hit.photon as usize];
+                    let photon = &near[hit.near as usize].photon;
                     let l =
                         contribution::<S, H, K>(media, profile, camera_ray, photon, hit.t, hit.d2);
                     *sum += l * hit.weight;
@@ -326,27 +337,40 @@ impl<S: Spectrum> TileRays<S> {
         }
     }
 
+    /// Copies the photons that lie before the farthest end of their class: in a dense cloud a few
+    /// of many. Side by side they fit the second cache, and their first fetches overlap, since
+    /// none waits for another.
+    fn fetch(&mut self, camera: Vec3, photons: &[Photon<S, H>], tile: &[(u32, [u8; 2])]) {
+        self.near.clear();
+        for (index, rows) in tile {
+            let photon = photons[*index as usize];
+            let class = class(*index, self.salt);
+            // Where a ray pierces the sphere, t^2 = |v|^2 - d^2 > |v|^2 - r^2; a millionth covers
+            // rounding.
+            let v2 = (photon.position - camera).length_squared();
+            let last = self.last[class];
+            if v2 * (1.0 - 1e-6) - photon.radius * photon.radius < last * last {
+                self.near.push(Near {
+                    photon,
+                    class: class as u8,
+                    rows: *rows,
+                });
+            }
+        }
+    }
+
     /// Lists for each ray the photons that it pierces. Kept apart from adding them up: so each
     /// ray's profile stays in the nearest cache while its photons read it.
-    fn find<H: Heading>(
-        &mut self,
-        camera: Vec3,
-        photons: &[Photon<S, H>],
-        tile: &[(u32, [u8; 2])],
-    ) {
+    fn find(&mut self, camera: Vec3) {
         let zero = f32x8::ZERO;
-        for (index, [first, last]) in tile {
-            let photon = &photons[*index as usize];
-            let v = photon.position - camera;
-            let [x, y, z] = [v.x, v.y, v.z].map(f32x8::splat);
-            let r2 = f32x8::splat(photon.radius * photon.radius);
-            let class = class(*index, self.salt);
-            let t_end = &self.t_end[class];
-            let rows = usize::from(*first)..=usize::from(*last).min(7);
-            for (row, t_end) in t_end.iter().enumerate() {
-                if !rows.contains(&row) {
-                    continue;
-                }
+        for (index, near) in self.near.iter().enumerate() {
+            let v = near.photon.position - camera;
+            let [x, y, z] = v.to_array().map(f32x8::splat);
+            let r2 = f32x8::splat(near.photon.radius * near.photon.radius);
+            let class = usize::from(near.class);
+            let [first, last] = near.rows.map(|row| usize::from(row).min(7));
+            for row in first..=last {
+                let t_end = self.t_end[class][row];
                 let [dx, dy, dz] = [
                     self.direction[0][row],
                     self.direction[1][row],
@@ -355,7 +379,7 @@ impl<S: Spectrum> TileRays<S> {
                 let t = x.mul_add(dx, y.mul_add(dy, z * dz));
                 let (cx, cy, cz) = (x - t * dx, y - t * dy, z - t * dz);
                 let d2 = cx.mul_add(cx, cy.mul_add(cy, cz * cz));
-                let pierced = d2.simd_lt(r2) & t.simd_gt(zero) & t.simd_lt(*t_end);
+                let pierced = d2.simd_lt(r2) & t.simd_gt(zero) & t.simd_lt(t_end);
                 let mut lanes = pierced.to_bitmask();
                 if lanes == 0 {
                     continue;
@@ -371,10 +395,10 @@ impl<S: Spectrum> TileRays<S> {
                         .filter(|end| t[lane] >= **end)
                         .count();
                     self.hits[ray].push(Pierced {
-                        photon: *index,
+                        near: index as u32,
                         t: t[lane],
                         d2: d2[lane],
-                        weight: f32::from_bits((127 + 3 * passed as u32) << 23),
+                        weight: f32::from_bits((127 + passed as u32) << 23),
                     });
                 }
             }
@@ -388,7 +412,7 @@ fn eight_photons<S: Spectrum, H: Heading, K: KernelShape>(
     only: &OnlyMedium<'_, S>,
     phase: &PhaseFunction,
     ray: &Ray,
-    photons: &[Photon<S, H>],
+    near: &[Near<S, H>],
     hits: &[Pierced],
 ) -> S {
     let [mut t, mut d2, mut inverse, mut density, mut share] = [[0.0f32; 8]; 5];
@@ -399,7 +423,7 @@ fn eight_photons<S: Spectrum, H: Heading, K: KernelShape>(
     };
     for lane in 0..8 {
         let hit = hits.get(lane).unwrap_or(last);
-        let photon = &photons[hit.photon as usize];
+        let photon = &near[hit.near as usize].photon;
         t[lane] = hit.t;
         d2[lane] = hit.d2;
         inverse[lane] = 1.0 / (photon.radius * photon.radius);
@@ -436,14 +460,24 @@ fn eight_photons<S: Spectrum, H: Heading, K: KernelShape>(
     sum
 }
 
+/// A photon of a tile that some ray may count.
+#[derive(Debug, Clone, Copy)]
+struct Near<S, H> {
+    photon: Photon<S, H>,
+    class: u8,
+    /// First and last row of the tile's pixels that its sphere reaches.
+    rows: [u8; 2],
+}
+
 /// A photon that a ray pierces.
 #[derive(Debug, Clone, Copy)]
 struct Pierced {
-    photon: u32,
+    /// Place in the list of near ones.
+    near: u32,
     /// Parameter of the ray's nearest point. \[m\]
     t: f32,
     /// Squared distance there. \[m2\]
     d2: f32,
-    /// One over the chance of being let through: 8^k.
+    /// One over the chance of being let through: 2^k.
     weight: f32,
 }

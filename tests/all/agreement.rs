@@ -403,7 +403,7 @@ fn check_gathers<S: Spectrum, H: Heading>(scene: &Scene, grids: &[&Grid]) {
     };
     let map = PhotonMap::new(photons.clone());
     let bands = Bands::new(&photons, &world.camera, &tile_grid);
-    let mut rays = TileRays::<S>::default();
+    let mut rays = TileRays::<S, H>::default();
     let (mut met, mut worst) = (0u64, 0.0f32);
     for band in 0..tile_grid.bands() {
         let tiles = bands.tiles(band, &tile_grid);
@@ -461,7 +461,7 @@ fn check_gathers<S: Spectrum, H: Heading>(scene: &Scene, grids: &[&Grid]) {
             }
             rays.arrange(&[true; TILE_RAYS]);
             let mut sums = [S::ZERO; TILE_RAYS];
-            rays.gather::<H, Biweight>(
+            rays.gather::<Biweight>(
                 &world.media,
                 world.camera.position,
                 &photons,
