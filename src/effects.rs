@@ -13,7 +13,8 @@ use crate::world::LoadedVolume;
 pub struct EffectPlan {
     /// Three channels rather than one.
     pub chromatic: bool,
-    /// Photons keep their direction and their medium: where phase functions or media differ.
+    /// Photons keep their direction and their compartment: where a medium is anisotropic, or glass
+    /// parts the world.
     pub headings: bool,
     /// Something scatters.
     pub scattering: bool,
@@ -265,7 +266,7 @@ impl EffectPlan {
         ];
         Self {
             chromatic: chromatic || !prune,
-            headings: anisotropic || media > 1 || !prune,
+            headings: anisotropic || materials.glass > 0 || !prune,
             scattering,
             photons,
             direct,
@@ -286,6 +287,7 @@ struct Materials {
     specular: usize,
     emissive: usize,
     interfaces: usize,
+    glass: usize,
     /// With a medium inside.
     interiors: usize,
     /// No colour anywhere.
@@ -314,6 +316,7 @@ impl Materials {
                 }
                 Material::Glass { .. } => {
                     counts.specular += 1;
+                    counts.glass += 1;
                     true
                 }
                 Material::Conductor { eta, k, .. } => {

@@ -165,20 +165,22 @@ impl<S: Spectrum> Profile<S> {
         S::transmittance(self.optical_depth(t))
     }
 
-    /// Transmittance from the ray's start to t, and the density of one medium there.
+    /// Transmittance from the ray's start to t, and the sum of what `of` makes of each medium there
+    /// and its extinction coefficient. \[1/m\]
     #[inline]
-    #[must_use]
-    pub fn transmittance_and_density(&self, t: f32, medium: usize) -> (S, f32) {
-        let mut tau = S::ZERO;
-        let mut density = 0.0;
+    pub fn transmittance_and_sum(&self, t: f32, mut of: impl FnMut(usize, S) -> S) -> (S, S) {
+        let (mut tau, mut sum) = (S::ZERO, S::ZERO);
         for profile in &self.media[..self.used] {
             let (a, b, s) = profile.locate(t);
             tau += profile.sigma_t * hermite(a, b, s);
-            if profile.medium == medium && (a.t..=b.t).contains(&t) {
-                density = slope(a, b, s);
+            if (a.t..=b.t).contains(&t) {
+                let density = slope(a, b, s);
+                if density > 0.0 {
+                    sum += of(profile.medium, profile.sigma_t * density);
+                }
             }
         }
-        (S::transmittance(tau), density)
+        (S::transmittance(tau), sum)
     }
 
     /// The profile of the only medium on the ray, to be read eight points at a time.

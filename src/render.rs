@@ -21,6 +21,7 @@ use crate::estimate::{beam, emission};
 use crate::film::{Film, Sample};
 use crate::grid::load::load_volumes;
 use crate::march::Profile;
+use crate::photon::deposit::DepositRate;
 use crate::photon::map::PhotonMap;
 use crate::photon::radius::{RadiusField, radius_scale};
 use crate::photon::surface::{SurfaceGather, SurfaceMap, SurfaceRadius};
@@ -96,10 +97,10 @@ pub enum RenderError {
     Unsupported(String),
 }
 
-/// Photons of a pilot estimate that are stored, about.
-const PILOT_STORED: u64 = 60_000;
-/// Photons of a pilot estimate that are emitted, at most.
-const PILOT_EMITTED: u64 = 200_000;
+/// Photons of a pilot estimate that are emitted, at most: twice as many are stored.
+const PILOT_EMITTED: u64 = 30_000;
+/// Photons that set the rate of deposits.
+const FEW: u64 = 2000;
 /// Paths through a pixel in one pass of the path tracer.
 const PATHS_PER_PASS: u32 = 4;
 
@@ -194,18 +195,6 @@ fn check_supported(scene: &Scene) -> Result<(), RenderError> {
         return Err(RenderError::Unsupported(
             "method 'point' is not rendered yet".to_owned(),
         ));
-    }
-    let interiors = scene
-        .objects
-        .iter()
-        .filter(|o| o.interior.is_some())
-        .count();
-    let media = scene.volumes.len() + scene.fogs.len() + interiors;
-    if media > crate::photon::MAX_MEDIA {
-        return Err(RenderError::Unsupported(format!(
-            "{media} media: at most {} can be told apart",
-            crate::photon::MAX_MEDIA
-        )));
     }
     Ok(())
 }
@@ -331,6 +320,7 @@ fn run<S: Spectrum, H: Heading>(
 
 /// Radii from the pilots: of photons in media, and of points on surfaces.
 struct Radii<S> {
+    rate: DepositRate,
     media: RadiusField,
     surfaces: Option<SurfaceRadius<S>>,
 }
@@ -340,8 +330,10 @@ fn pilot<S: Spectrum, H: Heading>(job: &Job<'_, S>, tally: &mut Tally) -> Radii<
     let clock = Instant::now();
     job.exec.progress.stage("pilot", None);
     let settings = &job.scene.settings;
+    let rate = DepositRate::new(&job.world.media, &job.world.parts);
     let mut trace = TraceSettings {
-        emit: 2000.min(settings.photons),
+        rate: &rate,
+        emit: FEW.min(settings.photons),
         seed: settings.seed,
         stage: Stage::Pilot,
         pass: 0,
@@ -349,10 +341,11 @@ fn pilot<S: Spectrum, H: Heading>(job: &Job<'_, S>, tally: &mut Tally) -> Radii<
         surface_photons: job.plan.surface_photons,
     };
     let few = trace_photons::<S, H>(&job.world, &trace);
-    let per_photon = few.stored() as f64 / trace.emit as f64;
-    trace.emit = ((PILOT_STORED as f64 / per_photon.max(1e-3)) as u64)
-        .min(PILOT_EMITTED)
-        .clamp(1, settings.photons);
+    let deposits = few.first.len() + few.higher.len();
+    let mut rate = rate.clone();
+    rate.settle(deposits as f64 / trace.emit as f64);
+    trace.rate = &rate;
+    trace.emit = PILOT_EMITTED.clamp(1, settings.photons);
     let Photons {
         first,
         higher,
@@ -364,12 +357,9 @@ fn pilot<S: Spectrum, H: Heading>(job: &Job<'_, S>, tally: &mut Tally) -> Radii<
     tally.counters += counters;
     let positions = first.iter().chain(&higher).map(|p| p.position).collect();
     let ratio = settings.photons as f32 / trace.emit as f32;
-    let field = RadiusField::new(
-        positions,
-        settings.neighbours as f32,
-        ratio,
-        radius_limits(&job.world),
-    );
+    let widest = job.world.parts.iter().map(|p| p.reach).fold(0.0, f32::max);
+    let limits = [(1e-5 * job.world.bounds.radius()).min(widest), widest];
+    let field = RadiusField::new(positions, settings.neighbours as f32, ratio, limits);
     let surfaces = job.plan.surface_photons.then(|| {
         let extent = job.world.target.radius();
         let limits = [1e-5 * extent, 0.1 * extent];
@@ -377,24 +367,10 @@ fn pilot<S: Spectrum, H: Heading>(job: &Job<'_, S>, tally: &mut Tally) -> Radii<
     });
     tally.times.map += clock.elapsed().as_secs_f64();
     Radii {
+        rate,
         media: field,
         surfaces,
     }
-}
-
-/// Smallest and largest radius that make sense in a world. \[m\]
-///
-/// At most a twentieth of the media's extent, and in grids a brick's edge: beyond that a kernel
-/// blurs what the grid resolves. At least what f32 positions resolve.
-fn radius_limits<S: Spectrum>(world: &World<S>) -> [f32; 2] {
-    let extent = world.bounds.radius();
-    let voxel = world
-        .media
-        .iter()
-        .map(|m| m.voxel_size().unwrap_or(f32::INFINITY))
-        .fold(0.0, f32::max);
-    let high = (0.1 * extent).min(8.0 * voxel);
-    [(1e-5 * extent).min(high), high]
 }
 
 /// One pass of the beam estimate.
@@ -411,6 +387,7 @@ fn beam_pass<S: Spectrum, H: Heading, K: KernelShape>(
         let clock = Instant::now();
         job.exec.progress.stage("photons", None);
         let trace = TraceSettings {
+            rate: &radii.rate,
             emit: settings.photons,
             seed: settings.seed,
             stage: Stage::Photon,
@@ -434,9 +411,10 @@ fn beam_pass<S: Spectrum, H: Heading, K: KernelShape>(
             scale,
         });
         for photon in &mut photons {
-            photon
-                .par_iter_mut()
-                .for_each(|p| p.radius = radii.media.at(p.position) * scale);
+            photon.par_iter_mut().for_each(|p| {
+                let radius = radii.media.at(p.position);
+                p.radius = radius.min(radii.rate.reach(p.position)) * scale;
+            });
         }
         tally.times.map += clock.elapsed().as_secs_f64();
     }
@@ -521,6 +499,7 @@ fn beam_band<S: Spectrum, H: Heading, K: KernelShape>(
         emission: job.plan.emission,
     });
     let mut scratch = Profile::default();
+    let compartment = job.world.compartment(&job.world.camera_inside);
     for column in 0..grid.columns() {
         let mut sum = [Sum::default(); TILE_RAYS];
         for s in 0..spp {
@@ -557,6 +536,7 @@ fn beam_band<S: Spectrum, H: Heading, K: KernelShape>(
                             map,
                             &rays.profiles[i],
                             &rays.rays[i],
+                            compartment,
                             &mut sampler.counters,
                         );
                     }
@@ -570,7 +550,7 @@ fn beam_band<S: Spectrum, H: Heading, K: KernelShape>(
                 {
                     rays.gather::<K>(
                         &job.world.media,
-                        job.world.camera.position,
+                        (job.world.camera.position, compartment),
                         photons,
                         tile.tile(column),
                         sums,

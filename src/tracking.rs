@@ -85,11 +85,24 @@ impl Sampler {
 }
 
 /// The channel that a path follows, and how likely each channel's path was beside it.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Hero<S> {
     channel: usize,
-    /// Path density of each channel over the hero's.
+    /// Path density of each channel over the hero's, up to the end of the last flight.
     ratio: S,
+    /// The same up to its start.
+    start: S,
+    /// What the last flight met on its way, in media whose channels differ.
+    passed: Vec<Passed<S>>,
+}
+
+/// What a flight passes without colliding: events that are not equally likely for all channels.
+#[derive(Debug, Clone, Copy)]
+enum Passed<S> {
+    /// A null collision at t, of this density by channel.
+    Null { t: f32, density: S },
+    /// A stretch of a homogeneous medium.
+    Stretch { t0: f32, t1: f32, sigma_t: S },
 }
 
 impl<S: Spectrum> Hero<S> {
@@ -105,6 +118,8 @@ impl<S: Spectrum> Hero<S> {
         Self {
             channel,
             ratio: S::ONE,
+            start: S::ONE,
+            passed: Vec::new(),
         }
     }
 
@@ -112,22 +127,59 @@ impl<S: Spectrum> Hero<S> {
     #[inline]
     #[must_use]
     pub fn weight(&self) -> S {
+        Self::balance(self.ratio)
+    }
+
+    /// The same of the path that ends at `t` of the last flight, before its collision.
+    #[inline]
+    #[must_use]
+    pub fn weight_at(&self, t: f32) -> S {
+        Self::balance(self.ratio_at(t))
+    }
+
+    #[inline]
+    fn balance(ratio: S) -> S {
         if S::CHANNELS == 1 {
             S::ONE
         } else {
-            self.ratio * (1.0 / self.ratio.mean())
+            ratio * (1.0 / ratio.mean())
         }
     }
 
-    /// Multiplies each channel's density by `density`, the hero's included.
+    /// Ratios at `t` of the last flight.
     #[inline]
-    fn update(&mut self, density: S) {
+    fn ratio_at(&self, t: f32) -> S {
+        let mut ratio = self.start;
+        for passed in &self.passed {
+            let density = match *passed {
+                Passed::Null { t: at, density } if at < t => density,
+                Passed::Null { .. } => continue,
+                Passed::Stretch { t0, t1, sigma_t } => {
+                    S::transmittance(sigma_t * (t.min(t1) - t0).max(0.0))
+                }
+            };
+            ratio *= self.over_own(density);
+        }
+        ratio
+    }
+
+    /// Each channel's density over the hero's.
+    #[inline]
+    fn over_own(&self, density: S) -> S {
         // The hero's own density is 0 where it cannot be, and by rounding alone: no 0/0 then.
         let own = density.channel(self.channel);
-        if S::CHANNELS > 1 && own > 0.0 {
-            self.ratio = self.ratio * density * (1.0 / own);
+        if own > 0.0 {
+            density * (1.0 / own)
+        } else {
+            S::ONE
         }
     }
+}
+
+/// True where the channels of a coefficient differ.
+#[inline]
+fn coloured<S: Spectrum>(sigma_t: S) -> bool {
+    S::CHANNELS > 1 && sigma_t != S::splat(sigma_t.channel(0))
 }
 
 /// A real collision.
@@ -141,7 +193,8 @@ pub struct Collision {
 
 /// The first collision before `t_max` with any of the media; none where the ray gets there.
 ///
-/// The first collision of overlapping media is the first of their own first collisions.
+/// The first collision of overlapping media is the first of their own first collisions. Null
+/// collisions beyond it were never met: they do not count in the ratios.
 pub fn sample_free_flight<S: Spectrum>(
     media: &[Medium<S>],
     ray: &Ray,
@@ -150,9 +203,8 @@ pub fn sample_free_flight<S: Spectrum>(
     sampler: &mut Sampler,
 ) -> Option<Collision> {
     sampler.counters.free_flights += 1;
-    if S::CHANNELS > 1 && media.len() > 1 {
-        return chromatic_flight(media, ray, t_max, hero, sampler);
-    }
+    hero.start = hero.ratio;
+    hero.passed.clear();
     let mut end = t_max;
     let mut first = None;
     for (index, medium) in media.iter().enumerate() {
@@ -161,47 +213,12 @@ pub fn sample_free_flight<S: Spectrum>(
             first = Some(Collision { t, medium: index });
         }
     }
-    first
-}
-
-/// The same for several media with colour: null collisions beyond the first real one must not
-/// count in the ratios, so a flight that turns out to have gone too far is replayed, with its own
-/// random numbers, up to where the path really went.
-fn chromatic_flight<S: Spectrum>(
-    media: &[Medium<S>],
-    ray: &Ray,
-    t_max: f32,
-    hero: &mut Hero<S>,
-    sampler: &mut Sampler,
-) -> Option<Collision> {
-    let mut end = t_max;
-    let mut first = None;
-    let mut flights = Vec::with_capacity(media.len());
-    for (index, medium) in media.iter().enumerate() {
-        let before = sampler.rng.clone();
-        let mut own = Hero {
-            channel: hero.channel,
-            ratio: S::ONE,
-        };
-        let hit = flight_in(medium, ray, end, &mut own, sampler);
-        let reached = hit.unwrap_or(end);
-        if let Some(t) = hit {
-            end = t;
-            first = Some(Collision { t, medium: index });
+    if S::CHANNELS > 1 {
+        hero.ratio = hero.ratio_at(end);
+        if let Some(collision) = first {
+            hero.ratio *= hero.over_own(media[collision.medium].sigma_t);
         }
-        flights.push((before, own, reached));
     }
-    let after = sampler.rng.clone();
-    for (medium, (before, mut own, reached)) in media.iter().zip(flights) {
-        if reached > end {
-            own.ratio = S::ONE;
-            sampler.rng = before;
-            // Shorter than the flight was: it cannot collide again.
-            let _ = flight_in(medium, ray, end, &mut own, sampler);
-        }
-        hero.ratio *= own.ratio;
-    }
-    sampler.rng = after;
     first
 }
 
@@ -219,17 +236,14 @@ fn flight_in<S: Spectrum>(
             let (t0, t1) = bounds.map_or(Some((0.0, t_max)), |b| b.clip(ray, 0.0, t_max))?;
             let sigma = medium.sigma_t.channel(hero.channel);
             let t = t0 + sampler.rng.exponential() / sigma;
-            if t < t1 {
-                if S::CHANNELS > 1 {
-                    hero.update(S::transmittance(medium.sigma_t * (t - t0)) * medium.sigma_t);
-                }
-                Some(t)
-            } else {
-                if S::CHANNELS > 1 && t1.is_finite() {
-                    hero.update(S::transmittance(medium.sigma_t * (t1 - t0)));
-                }
-                None
+            if coloured(medium.sigma_t) {
+                hero.passed.push(Passed::Stretch {
+                    t0,
+                    t1: t.min(t1),
+                    sigma_t: medium.sigma_t,
+                });
             }
+            (t < t1).then_some(t)
         }
         Field::Grid(field) => grid_flight(medium.sigma_t, field, ray, t_max, hero, sampler),
     }
@@ -248,6 +262,7 @@ fn grid_flight<S: Spectrum>(
     let highest = sigma_t.max_channel();
     // Density, in units of the highest channel, that collides for the hero.
     let share = sigma_t.channel(hero.channel) / highest;
+    let coloured = coloured(sigma_t);
     let mut budget = sampler.rng.exponential();
     for segment in field.majorants.segments(&local, 0.0, t_max) {
         let sigma_maj = highest * segment.majorant;
@@ -262,17 +277,16 @@ fn grid_flight<S: Spectrum>(
             budget = sampler.rng.exponential();
             let bar = sampler.uniform() * segment.majorant;
             if bar < share * segment.minorant {
-                hero.update(sigma_t);
                 return Some(t);
             }
             let density = one_tap(field, &local, t, sampler);
             if bar < share * density {
-                hero.update(sigma_t);
                 return Some(t);
             }
-            if S::CHANNELS > 1 {
+            if coloured {
                 // Not below 0: where the density is the majorant, rounding decides the sign.
-                hero.update(sigma_t.map(|k| k.mul_add(-density, sigma_maj).max(0.0)));
+                let density = sigma_t.map(|k| k.mul_add(-density, sigma_maj).max(0.0));
+                hero.passed.push(Passed::Null { t, density });
             }
         }
     }

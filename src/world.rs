@@ -15,6 +15,7 @@ use crate::blackbody::Blackbody;
 use crate::camera::Camera;
 use crate::light::{Light, LightSample};
 use crate::medium::{EmissionField, Field, GridField, Medium};
+use crate::photon::deposit::Part;
 use crate::ray::{Bounds, Ray};
 use crate::scene::{Emission, Scene};
 use crate::spectrum::Spectrum;
@@ -39,6 +40,10 @@ pub struct World<S> {
     pub open: usize,
     /// Index of the medium inside each object.
     interiors: Vec<Option<usize>>,
+    /// The part of space that each medium takes.
+    pub parts: Vec<Part>,
+    /// The compartment that each object makes of its inside; 0 where its boundary bends nothing.
+    compartments: Vec<u8>,
     /// Surfaces; none costs nothing.
     pub surfaces: Option<Surfaces>,
     /// The objects around the camera.
@@ -53,7 +58,8 @@ pub struct World<S> {
     pub origin: DVec3,
     /// Box around all media; empty without any.
     pub bounds: Bounds,
-    /// Box that photons are aimed at: media and surfaces. All surfaces, since light that starts on
+    /// Box that photons are aimed at: media, as far as kernels over them reach, and surfaces. All
+    /// surfaces, since light that starts on
     /// the box must not have passed a blocker outside it.
     pub target: Bounds,
     /// Highest scattering order.
@@ -93,6 +99,9 @@ fn middle(scene: &Scene, volumes: &[LoadedVolume]) -> DVec3 {
 /// Share of its distance by which a shadow ray stops short of a light, lest a surface on which the
 /// light lies block it. Larger: blockers that close to a light are missed.
 const SHORT: f32 = 1e-4;
+
+/// Compartments that photons tell apart; of more glass objects, the rest share the last.
+const MAX_COMPARTMENT: u8 = 63;
 
 /// Boundaries that one straight line may pass: an end to numerical loops.
 const MAX_CROSSINGS: u32 = 1024;
@@ -176,6 +185,7 @@ impl<S: Spectrum> World<S> {
             });
         }
         let open = media.len();
+        let mut parts: Vec<Part> = media.iter().map(|m| Part::new(m, bounds)).collect();
         let interiors = (0..scene.objects.len() as u32)
             .map(|object| {
                 let surfaces = surfaces.as_ref().filter(|s| s.encloses(object))?;
@@ -187,10 +197,22 @@ impl<S: Spectrum> World<S> {
                     field: Field::Constant { bounds: None },
                     emission: None,
                 });
+                let (min, max) = surfaces.object_bounds(object);
+                parts.extend(media.last().map(|m| Part::new(m, Bounds { min, max })));
                 Some(media.len() - 1)
             })
             .collect();
-        let mut target = bounds.union(&solid);
+        let mut next = 0u8;
+        let compartments = (0..scene.objects.len() as u32)
+            .map(|object| {
+                let bends = surfaces.as_ref().is_some_and(|s| s.refracts(object));
+                next = next.saturating_add(u8::from(bends));
+                if bends { next.min(MAX_COMPARTMENT) } else { 0 }
+            })
+            .collect();
+        let mut target = parts
+            .iter()
+            .fold(solid, |all, part| all.union(&part.reached()));
         if surfaces.is_some() {
             // A photon that starts on the box must not start on a surface that bounds it.
             let margin = glam::Vec3::splat(1e-3 * target.radius().max(f32::MIN_POSITIVE));
@@ -215,6 +237,8 @@ impl<S: Spectrum> World<S> {
             media,
             open,
             interiors,
+            parts,
+            compartments,
             surfaces,
             lights,
             camera,
@@ -236,6 +260,21 @@ impl<S: Spectrum> World<S> {
             Some(index) => (index, &self.media[index..=index]),
             None => (0, &[]),
         }
+    }
+
+    /// The compartment of a place: 0 in the open scene and beyond interfaces, else that of the
+    /// glass around it. Fluence is continuous within compartments, and jumps between them.
+    #[inline]
+    #[must_use]
+    pub fn compartment(&self, inside: &Inside) -> u8 {
+        let of = |object: &u32| self.compartments[*object as usize];
+        inside
+            .objects()
+            .iter()
+            .rev()
+            .map(of)
+            .find(|c| *c > 0)
+            .unwrap_or(0)
     }
 
     /// What is left of light along the straight line [0, t_max] of `ray` that starts `inside`:

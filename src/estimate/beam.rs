@@ -1,25 +1,20 @@
 //! The beam radiance estimate, for one ray of any origin.
 //!
 //! ```text
-//! L_m = sum_i T(t_i) albedo_i p(w_i . -d) Phi_i K(d_i, r_i)      [W/(m2 sr)]
+//! L_m = sum_i T(t_i) sigma_s(t_i) p(w_i . -d) P_i K(d_i, r_i)      [W/(m2 sr)]
 //! t_i   parameter of the ray's point nearest to photon i [m], d_i their distance [m]
+//! P_i   power of the photon over the rate of deposits where it is [W m]
 //! K     2-D kernel over the photon's disc [1/m2]
 //! ```
 //!
-//! The density that a photon met is not smeared over its disc: its power counts with the ratio of
-//! the density on the ray to the density at the photon,
-//!
-//! ```text
-//! albedo_i Phi_i  <-  albedo_i Phi_i * min(density(t_i) / density(x_i), MAX_CONTRAST)
-//! ```
-//!
-//! so that the kernel blurs the fluence alone, which varies on the scale of a mean free path, and
-//! not sigma_t, which varies from voxel to voxel. Where the fluence is constant over the disc the
-//! estimate is exact however rough the medium (a furnace shows it); nothing leaks from a cloud's
-//! edge into clear air, and edges stay as sharp as the grid's. Here we depart from Jarosz et al.,
-//! whose media are homogeneous; the ratio is then 1. Photons are rare where the density is low,
-//! so large ratios are rare and noisy: [`MAX_CONTRAST`] bounds them, at the price of light
-//! missing where the density within a disc varies by more.
+//! The scattering coefficient is that of the ray at t_i, where the grid has it sharp; the kernel
+//! blurs the fluence alone, which varies on the scale of a mean free path, and not sigma_s, which
+//! varies from voxel to voxel. Where the fluence is constant over the disc the estimate is exact
+//! however rough the medium (a furnace shows it); nothing leaks from a cloud's edge into clear
+//! air, nothing is missing inside it, and edges stay as sharp as the grid's. Here we depart from
+//! Jarosz et al., whose media are homogeneous: with deposits at collisions P = Phi / sigma_t, the
+//! sum is theirs. Photons lie within a kernel's reach outside the medium too
+//! (`photon::deposit` says why), and count only in their own compartment of the world.
 //!
 //! Every photon whose disc the ray pierces, once; no steps, hence no step size (Jarosz, Zwicker &
 //! Jensen 2008). T comes from the ray's one profile: two photons a millimetre apart do not march
@@ -35,11 +30,7 @@ use crate::ray::Ray;
 use crate::spectrum::Spectrum;
 use crate::tracking::Counters;
 
-/// Largest ratio of densities that a photon bridges. Lower: rays through dense spots next to thin
-/// ones lose light; higher: rare photons weigh that much more than their neighbours.
-pub const MAX_CONTRAST: f32 = 64.0;
-
-/// What one photon adds: T albedo p Phi K. \[W/(m2 sr)\]
+/// What one photon adds: T sigma_s p P K. \[W/(m2 sr)\]
 #[inline]
 pub fn contribution<S: Spectrum, H: Heading, K: KernelShape>(
     media: &[Medium<S>],
@@ -51,17 +42,17 @@ pub fn contribution<S: Spectrum, H: Heading, K: KernelShape>(
 ) -> S {
     let inverse = 1.0 / (photon.radius * photon.radius);
     let kernel = K::DISC * inverse * K::shape(d2 * inverse);
-    let medium = photon.heading.medium();
-    let phase = if H::KEPT {
-        media[medium]
-            .phase
-            .p(photon.heading.direction(), -ray.direction)
-    } else {
-        ISOTROPIC
-    };
-    let (tr, density) = profile.transmittance_and_density(t, medium);
-    let contrast = (density / photon.density).min(MAX_CONTRAST);
-    tr * photon.power * (kernel * phase * contrast)
+    let (tr, scattering) = profile.transmittance_and_sum(t, |medium, sigma_t| {
+        let medium = &media[medium];
+        let phase = if H::KEPT {
+            let heading = photon.heading.direction();
+            medium.phase.p(heading, -ray.direction)
+        } else {
+            ISOTROPIC
+        };
+        sigma_t * medium.albedo * phase
+    });
+    tr * scattering * photon.power * kernel
 }
 
 /// Radiance of the map's photons along the ray.
@@ -70,10 +61,14 @@ pub fn radiance<S: Spectrum, H: Heading, K: KernelShape>(
     map: &PhotonMap<S, H>,
     profile: &Profile<S>,
     ray: &Ray,
+    compartment: u8,
     counters: &mut Counters,
 ) -> S {
     let mut sum = S::ZERO;
     map.along(ray, 0.0, profile.t_end, |photon, t, d2| {
+        if H::KEPT && photon.heading.compartment() != compartment {
+            return;
+        }
         counters.gathered_photons += 1;
         sum += contribution::<S, H, K>(media, profile, ray, photon, t, d2);
     });

@@ -251,6 +251,7 @@ impl<S: Spectrum, H: Heading> Chain<'_, S, H> {
                             map,
                             profile,
                             &ray,
+                            world.compartment(&link.inside),
                             &mut sampler.counters,
                         );
                 }

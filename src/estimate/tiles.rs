@@ -27,7 +27,7 @@ use rayon::prelude::*;
 use wide::f32x8;
 
 use crate::camera::Camera;
-use crate::estimate::beam::{MAX_CONTRAST, contribution};
+use crate::estimate::beam::contribution;
 use crate::estimate::kernel::KernelShape;
 use crate::march::{OnlyMedium, Profile};
 use crate::math::exp8;
@@ -231,6 +231,8 @@ pub struct TileRays<S, H> {
     /// Profiles of the rays.
     pub profiles: Vec<Profile<S>>,
     direction: [[f32x8; 8]; 3],
+    /// Distance at which the first medium begins: photons before it light nothing.
+    t_start: [f32x8; 8],
     /// Distance to which photons of each class count.
     t_end: [[f32x8; 8]; CLASSES],
     /// The same by ray.
@@ -257,6 +259,7 @@ impl<S: Spectrum, H: Heading> Default for TileRays<S, H> {
             ],
             profiles: (0..TILE_RAYS).map(|_| Profile::default()).collect(),
             direction: [[f32x8::ZERO; 8]; 3],
+            t_start: [f32x8::ZERO; 8],
             t_end: [[f32x8::ZERO; 8]; CLASSES],
             ends: vec![[0.0; CLASSES]; TILE_RAYS],
             last: [0.0; CLASSES],
@@ -290,6 +293,7 @@ impl<S: Spectrum, H: Heading> TileRays<S, H> {
             for axis in 0..3 {
                 self.direction[axis][row] = lane(&|i| self.rays[i].direction[axis]);
             }
+            self.t_start[row] = lane(&|i| self.profiles[i].extent().0);
             for class in 0..CLASSES {
                 self.t_end[class][row] = lane(&|i| self.ends[i][class]);
             }
@@ -300,31 +304,26 @@ impl<S: Spectrum, H: Heading> TileRays<S, H> {
     pub fn gather<K: KernelShape>(
         &mut self,
         media: &[Medium<S>],
-        camera: Vec3,
+        (camera, compartment): (Vec3, u8),
         photons: &[Photon<S, H>],
         tile: &[(u32, [u8; 2])],
         sums: &mut [S; TILE_RAYS],
         counters: &mut Counters,
     ) {
-        self.fetch(camera, photons, tile);
+        self.fetch((camera, compartment), photons, tile);
         self.find(camera);
         for (ray, sum) in sums.iter_mut().enumerate() {
             let (hits, near) = (&mut self.hits[ray], &self.near);
             let (profile, camera_ray) = (&self.profiles[ray], &self.rays[ray]);
-            let only = profile.only();
-            if H::KEPT
-                && media.len() > 1
-                && let Some(only) = &only
-            {
-                // Photons of a medium that the ray does not pass add nothing to it.
-                hits.retain(|h| near[h.near as usize].photon.heading.medium() == only.medium());
-            }
             counters.gathered_photons += hits.len() as u64;
-            if let Some(only) = only {
-                let phase = &media[only.medium()].phase;
+            if let Some(only) = profile.only() {
+                let medium = &media[only.medium()];
+                let mut fluence = S::ZERO;
                 for eight in hits.chunks(8) {
-                    *sum += eight_photons::<S, H, K>(&only, phase, camera_ray, near, eight);
+                    fluence +=
+                        eight_photons::<S, H, K>(&only, &medium.phase, camera_ray, near, eight);
                 }
+                *sum += fluence * medium.sigma_t * medium.albedo;
             } else {
                 for hit in hits.iter() {
                     let photon = &near[hit.near as usize].photon;
@@ -340,10 +339,18 @@ impl<S: Spectrum, H: Heading> TileRays<S, H> {
     /// Copies the photons that lie before the farthest end of their class: in a dense cloud a few
     /// of many. Side by side they fit the second cache, and their first fetches overlap, since
     /// none waits for another.
-    fn fetch(&mut self, camera: Vec3, photons: &[Photon<S, H>], tile: &[(u32, [u8; 2])]) {
+    fn fetch(
+        &mut self,
+        (camera, compartment): (Vec3, u8),
+        photons: &[Photon<S, H>],
+        tile: &[(u32, [u8; 2])],
+    ) {
         self.near.clear();
         for (index, rows) in tile {
             let photon = photons[*index as usize];
+            if H::KEPT && photon.heading.compartment() != compartment {
+                continue;
+            }
             let class = class(*index, self.salt);
             // Where a ray pierces the sphere, t^2 = |v|^2 - d^2 > |v|^2 - r^2; a millionth covers
             // rounding.
@@ -352,6 +359,8 @@ impl<S: Spectrum, H: Heading> TileRays<S, H> {
             if v2 * (1.0 - 1e-6) - photon.radius * photon.radius < last * last {
                 self.near.push(Near {
                     photon,
+                    heading: photon.heading.direction(),
+                    inverse: 1.0 / (photon.radius * photon.radius),
                     class: class as u8,
                     rows: *rows,
                 });
@@ -362,7 +371,6 @@ impl<S: Spectrum, H: Heading> TileRays<S, H> {
     /// Lists for each ray the photons that it pierces. Kept apart from adding them up: so each
     /// ray's profile stays in the nearest cache while its photons read it.
     fn find(&mut self, camera: Vec3) {
-        let zero = f32x8::ZERO;
         for (index, near) in self.near.iter().enumerate() {
             let v = near.photon.position - camera;
             let [x, y, z] = v.to_array().map(f32x8::splat);
@@ -379,7 +387,7 @@ impl<S: Spectrum, H: Heading> TileRays<S, H> {
                 let t = x.mul_add(dx, y.mul_add(dy, z * dz));
                 let (cx, cy, cz) = (x - t * dx, y - t * dy, z - t * dz);
                 let d2 = cx.mul_add(cx, cy.mul_add(cy, cz * cz));
-                let pierced = d2.simd_lt(r2) & t.simd_gt(zero) & t.simd_lt(t_end);
+                let pierced = d2.simd_lt(r2) & t.simd_ge(self.t_start[row]) & t.simd_lt(t_end);
                 let mut lanes = pierced.to_bitmask();
                 if lanes == 0 {
                     continue;
@@ -406,7 +414,8 @@ impl<S: Spectrum, H: Heading> TileRays<S, H> {
     }
 }
 
-/// What up to eight photons of a ray through one medium add: [`contribution`], side by side.
+/// What up to eight photons of a ray through one medium add, over its scattering coefficient where
+/// the density is 1: [`contribution`], side by side.
 #[inline]
 fn eight_photons<S: Spectrum, H: Heading, K: KernelShape>(
     only: &OnlyMedium<'_, S>,
@@ -415,7 +424,8 @@ fn eight_photons<S: Spectrum, H: Heading, K: KernelShape>(
     near: &[Near<S, H>],
     hits: &[Pierced],
 ) -> S {
-    let [mut t, mut d2, mut inverse, mut density, mut share] = [[0.0f32; 8]; 5];
+    let [mut t, mut d2, mut inverse, mut share] = [[0.0f32; 8]; 4];
+    let mut heading = [[0.0f32; 8]; 3];
     let mut power = [S::ZERO; 8];
     // Lanes without a photon read the profile where one is, and carry no power.
     let Some(last) = hits.last() else {
@@ -423,27 +433,29 @@ fn eight_photons<S: Spectrum, H: Heading, K: KernelShape>(
     };
     for lane in 0..8 {
         let hit = hits.get(lane).unwrap_or(last);
-        let photon = &near[hit.near as usize].photon;
+        let near = &near[hit.near as usize];
         t[lane] = hit.t;
         d2[lane] = hit.d2;
-        inverse[lane] = 1.0 / (photon.radius * photon.radius);
-        density[lane] = photon.density;
-        let phase = if H::KEPT {
-            phase.p(photon.heading.direction(), -ray.direction)
-        } else {
-            ISOTROPIC
-        };
-        share[lane] = hit.weight * phase;
-        // A photon of a medium that the ray does not meet adds nothing to it.
-        if lane < hits.len() && (!H::KEPT || photon.heading.medium() == only.medium()) {
-            power[lane] = photon.power;
+        inverse[lane] = near.inverse;
+        share[lane] = hit.weight;
+        if H::KEPT {
+            for axis in 0..3 {
+                heading[axis][lane] = near.heading[axis];
+            }
+        }
+        if lane < hits.len() {
+            power[lane] = near.photon.power;
         }
     }
+    let phase = if H::KEPT {
+        phase.p8(heading.map(f32x8::from), -ray.direction)
+    } else {
+        f32x8::splat(ISOTROPIC)
+    };
     let (depth, on_ray) = only.read(t);
     let inverse = f32x8::from(inverse);
     let kernel = f32x8::splat(K::DISC) * inverse * K::shape8(f32x8::from(d2) * inverse);
-    let contrast = (on_ray / f32x8::from(density)).fast_min(f32x8::splat(MAX_CONTRAST));
-    let weight = (kernel * contrast * f32x8::from(share)).to_array();
+    let weight = (kernel * phase * on_ray * f32x8::from(share)).to_array();
     let sigma_t = only.sigma_t();
     let first = exp8(-(depth * f32x8::splat(sigma_t.channel(0)))).to_array();
     let mut sum = S::ZERO;
@@ -464,6 +476,10 @@ fn eight_photons<S: Spectrum, H: Heading, K: KernelShape>(
 #[derive(Debug, Clone, Copy)]
 struct Near<S, H> {
     photon: Photon<S, H>,
+    /// Its direction of travel, if it is kept.
+    heading: Vec3,
+    /// One over its squared radius. \[1/m2\]
+    inverse: f32,
     class: u8,
     /// First and last row of the tile's pixels that its sphere reaches.
     rows: [u8; 2],

@@ -189,6 +189,40 @@ impl MajorantGrid {
             .map_or([0.0; 2], |c| [c.minorant, c.majorant])
     }
 
+    /// Largest density of the grid.
+    #[must_use]
+    pub fn highest(&self) -> f32 {
+        let all = self.top.iter().filter(|c| c.link & DESCEND == 0);
+        all.chain(&self.tables).fold(0.0, |m, c| m.max(c.majorant))
+    }
+
+    /// Visits the merged cells that are not empty: corners in local voxels, and the largest
+    /// density.
+    pub fn visit_cells(&self, mut visit: impl FnMut(Vec3, Vec3, f32)) {
+        let corner = |brick: IVec3| (brick * BRICK).as_vec3();
+        let mut one = |brick: IVec3, cell: Cell| {
+            let size = 1 << cell.link;
+            // A merged cell is named by all of its bricks; its lowest stands for it.
+            if cell.majorant > 0.0 && brick & IVec3::splat(size - 1) == IVec3::ZERO {
+                visit(corner(brick), corner(brick + size), cell.majorant);
+            }
+        };
+        for (at, cell) in (0u32..).zip(&self.top) {
+            let (y, z) = (self.dims.y, self.dims.z);
+            let lowest = UVec3::new(at / z / y, at / z % y, at % z).as_ivec3() * TABLE;
+            if cell.link & DESCEND == 0 {
+                one(lowest, *cell);
+                continue;
+            }
+            let first = (cell.link & !DESCEND) as usize * TABLE_BRICKS;
+            let table = &self.tables[first..first + TABLE_BRICKS];
+            for (slot, cell) in (0i32..).zip(table) {
+                let brick = lowest + IVec3::new(slot >> 8, slot >> 4 & 15, slot & 15);
+                one(brick, *cell);
+            }
+        }
+    }
+
     /// Bytes that the bounds take in memory.
     #[must_use]
     pub fn memory_bytes(&self) -> usize {

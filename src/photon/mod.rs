@@ -2,16 +2,16 @@
 //!
 //! ```text
 //! emitted        Phi = power / N                                     N = photons emitted
-//! collision      deposit (position, direction, albedo * Phi)         at every one
+//! deposits       (position, direction, Phi / lambda)                 at rate lambda along the way
 //! survival       with probability q = max(albedo Phi) / max(Phi);    Phi <- albedo Phi / q
 //! ```
 //!
-//! A photon is deposited at every collision with the power it arrives with. Collisions occur at
-//! rate sigma_t, so deposits estimate sigma_t * fluence, and the in-scattered radiance toward a
-//! camera ray is the sum of albedo Phi p over the estimate's area or volume (DESIGN section 3).
-//! The albedo is multiplied in on deposit: nobody needs Phi without it. Absorption is played out
-//! by Russian roulette (analogue for one channel), so that all photons of a grey scene carry the
-//! same power: what density estimation likes best.
+//! A photon flies from collision to collision (`tracking`) and is deposited on its way at a rate
+//! of the place alone (`deposit`): deposits estimate the fluence, and the in-scattered radiance
+//! toward a camera ray is the sum of sigma_s p P over the estimate's area or volume (DESIGN section
+//! 3, whose deposits at collisions are the case lambda = sigma_t). Absorption is played out by
+//! Russian roulette (analogue for one channel), so that all photons of a grey scene carry the same
+//! power: what density estimation likes best.
 //!
 //! Sources: Jensen & Christensen 1998; Jensen 2001. Departures: emission is stratified over the
 //! lights and follows a Kronecker sequence (Roberts 2018's generalised golden ratio), shifted at
@@ -23,9 +23,10 @@
 //! and refraction are scattering events like a collision, absorption there is the same Russian
 //! roulette. A photon that arrives on a diffuse surface after at least one event is kept in a map
 //! of its own: light that comes straight from a light is sampled there. For the same reason a
-//! first collision after a mirror or a lens is deposited (a caustic, which no shadow ray finds),
-//! one straight from a sampled light is not.
+//! flight after a mirror or a lens is deposited on (a caustic, which no shadow ray finds), one
+//! straight from a sampled light is not.
 
+pub mod deposit;
 pub mod map;
 pub mod radius;
 pub mod surface;
@@ -39,9 +40,10 @@ use crate::rng::{Rng, Stage};
 use crate::scene::Direct;
 use crate::spectrum::Spectrum;
 use crate::surface::{Hit, Inside, Transport};
-use crate::tracking::{Counters, Hero, Sampler, sample_free_flight};
+use crate::tracking::{Collision, Counters, Hero, Sampler, sample_free_flight};
 use crate::world::{World, passes};
 
+use deposit::DepositRate;
 use surface::SurfacePhoton;
 
 /// Photons of one unit of parallel work.
@@ -51,31 +53,28 @@ const CHUNK: u64 = 512;
 pub trait Heading: Copy + std::fmt::Debug + Send + Sync + 'static {
     /// True where directions are kept.
     const KEPT: bool;
-    /// Keeps a direction, and the medium whose phase function it will meet.
-    fn keep(direction: Vec3, medium: usize) -> Self;
+    /// Keeps a direction, and the compartment of the world ([`World::compartment`]).
+    fn keep(direction: Vec3, compartment: u8) -> Self;
     /// The direction.
     fn direction(self) -> Vec3;
-    /// The medium.
-    fn medium(self) -> usize;
+    /// The compartment.
+    fn compartment(self) -> u8;
 }
 
-/// No direction: for media that scatter isotropically.
+/// No direction: for media that scatter isotropically, in worlds of one compartment.
 impl Heading for () {
     const KEPT: bool = false;
-    fn keep(_direction: Vec3, _medium: usize) -> Self {}
+    fn keep(_direction: Vec3, _compartment: u8) -> Self {}
     fn direction(self) -> Vec3 {
         Vec3::ZERO
     }
-    fn medium(self) -> usize {
+    fn compartment(self) -> u8 {
         0
     }
 }
 
-/// Media that photons with headings can tell apart.
-pub const MAX_MEDIA: usize = 64;
-
 /// Direction in 2 x 13 bits (octahedral, Cigolle et al. 2014; off by less than 4e-4 rad) and the
-/// medium in 6.
+/// compartment in 6.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Packed(u32);
 
@@ -83,7 +82,7 @@ impl Heading for Packed {
     const KEPT: bool = true;
 
     #[inline]
-    fn keep(direction: Vec3, medium: usize) -> Self {
+    fn keep(direction: Vec3, compartment: u8) -> Self {
         let d = direction / direction.abs().element_sum();
         let (mut x, mut y) = (d.x, d.y);
         if d.z < 0.0 {
@@ -93,7 +92,7 @@ impl Heading for Packed {
             );
         }
         let quantise = |v: f32| ((v * 0.5 + 0.5) * 8191.0).round() as u32 & 8191;
-        Self(quantise(x) << 19 | quantise(y) << 6 | (medium as u32 & 63))
+        Self(quantise(x) << 19 | quantise(y) << 6 | (u32::from(compartment) & 63))
     }
 
     #[inline]
@@ -110,23 +109,21 @@ impl Heading for Packed {
     }
 
     #[inline]
-    fn medium(self) -> usize {
-        (self.0 & 63) as usize
+    fn compartment(self) -> u8 {
+        (self.0 & 63) as u8
     }
 }
 
-/// A photon at a collision. 24 bytes grey and isotropic, 36 chromatic and anisotropic.
+/// A photon on its way. 20 bytes grey and isotropic, 32 chromatic and anisotropic.
 #[derive(Debug, Clone, Copy)]
 pub struct Photon<S, H> {
-    /// Where it collided. \[m\]
+    /// Where it was. \[m\]
     pub position: Vec3,
     /// Radius of its kernel; 0 until the map sets it. \[m\]
     pub radius: f32,
-    /// Density of its medium where it collided.
-    pub density: f32,
-    /// Albedo times the power it arrived with. \[W\]
+    /// Its power over the rate of deposits there. \[W m\]
     pub power: S,
-    /// Direction of travel before the collision.
+    /// Direction of travel.
     pub heading: H,
 }
 
@@ -158,7 +155,7 @@ impl std::ops::AddAssign for Energy {
 
 /// What to trace.
 #[derive(Debug, Clone, Copy)]
-pub struct TraceSettings {
+pub struct TraceSettings<'a> {
     /// Photons to emit.
     pub emit: u64,
     /// Random streams.
@@ -170,6 +167,8 @@ pub struct TraceSettings {
     /// First order: deposited for every light, or only for those that are not sampled along
     /// camera rays.
     pub direct: Direct,
+    /// Where they are deposited.
+    pub rate: &'a DepositRate,
     /// Photons are kept where they meet diffuse surfaces.
     pub surface_photons: bool,
 }
@@ -265,7 +264,7 @@ impl Shares {
 #[must_use]
 pub fn trace_photons<S: Spectrum, H: Heading>(
     world: &World<S>,
-    settings: &TraceSettings,
+    settings: &TraceSettings<'_>,
 ) -> Photons<S, H> {
     let mut all = Photons::none(settings.emit);
     let Some(shares) = Shares::new(world, &world.target) else {
@@ -302,7 +301,7 @@ pub fn trace_photons<S: Spectrum, H: Heading>(
 /// Emits and follows one photon.
 fn trace_one<S: Spectrum, H: Heading>(
     world: &World<S>,
-    settings: &TraceSettings,
+    settings: &TraceSettings<'_>,
     shares: &Shares,
     shift: &[u64; 5],
     index: u64,
@@ -341,6 +340,7 @@ fn trace_one<S: Spectrum, H: Heading>(
         hero: Hero::choose(&mut sampler.rng),
         inside: world.light_inside[which],
         order: 0,
+        left: sampler.uniform(),
     }
     .follow(settings, keep_first, &mut sampler, out);
     out.counters += sampler.counters;
@@ -359,13 +359,15 @@ struct Flight<'a, S> {
     inside: Inside,
     /// Scattering events so far.
     order: u32,
+    /// Integral of the rate of deposits up to the next one.
+    left: f32,
 }
 
 impl<S: Spectrum> Flight<'_, S> {
     /// Follows the photon to its end.
     fn follow<H: Heading>(
         &mut self,
-        settings: &TraceSettings,
+        settings: &TraceSettings<'_>,
         keep_first: bool,
         sampler: &mut Sampler,
         out: &mut Photons<S, H>,
@@ -379,11 +381,11 @@ impl<S: Spectrum> Flight<'_, S> {
             let t_max = hit.as_ref().map_or(f32::INFINITY, |hit| hit.t);
             let (first, media) = world.media_for(&self.inside);
             let collision = sample_free_flight(media, &self.ray, t_max, &mut self.hero, sampler);
+            if self.order > 0 || keep_first {
+                self.deposit(settings.rate, collision.map_or(t_max, |c| c.t), out);
+            }
             let goes_on = match (collision, hit) {
-                (Some(c), _) => {
-                    let keep = self.order > 0 || keep_first;
-                    self.collide(first + c.medium, c.t, keep, sampler, out)
-                }
+                (Some(c), _) => self.collide(first, c, sampler, out),
                 (None, Some(hit)) => self.meet(&hit, settings.surface_photons, sampler, out),
                 (None, None) => {
                     out.energy.escaped += f64::from((self.power * self.hero.weight()).mean());
@@ -397,38 +399,40 @@ impl<S: Spectrum> Flight<'_, S> {
         out.energy.cut_off += f64::from((self.power * self.hero.weight()).mean());
     }
 
+    /// Deposits on the straight piece [0, t_end] of the way.
+    fn deposit<H: Heading>(&mut self, rate: &DepositRate, t_end: f32, out: &mut Photons<S, H>) {
+        let (ray, hero, power) = (&self.ray, &self.hero, self.power);
+        let heading = H::keep(ray.direction, self.world.compartment(&self.inside));
+        let list = if self.order == 0 {
+            &mut out.first
+        } else {
+            &mut out.higher
+        };
+        rate.along(ray, t_end, &mut self.left, |t, rate| {
+            list.push(Photon {
+                position: ray.at(t),
+                radius: 0.0,
+                power: power * hero.weight_at(t) * (1.0 / rate),
+                heading,
+            });
+        });
+    }
+
     /// A collision in a medium; false where the photon ends.
     #[inline]
     fn collide<H: Heading>(
         &mut self,
-        medium_index: usize,
-        t: f32,
-        keep: bool,
+        first: usize,
+        collision: Collision,
         sampler: &mut Sampler,
         out: &mut Photons<S, H>,
     ) -> bool {
         let world = self.world;
-        let medium = &world.media[medium_index];
-        let position = self.ray.at(t);
+        let medium = &world.media[first + collision.medium];
+        let position = self.ray.at(collision.t);
         let arriving = self.power * self.hero.weight();
         let scattered = arriving * medium.albedo;
         self.order += 1;
-        if keep && !scattered.is_zero() {
-            let heading = H::keep(self.ray.direction, medium_index);
-            out.counters.density_lookups += 1;
-            let photon = Photon {
-                position,
-                radius: 0.0,
-                density: medium.density(position),
-                power: scattered,
-                heading,
-            };
-            if self.order == 1 {
-                out.first.push(photon);
-            } else {
-                out.higher.push(photon);
-            }
-        }
         if self.order == world.max_bounces {
             out.energy.absorbed += f64::from((arriving - scattered).mean());
             out.energy.cut_off += f64::from(scattered.mean());

@@ -7,7 +7,7 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use super::ellipsoid::Ellipsoid;
 use super::emitter::Emitter;
@@ -52,6 +52,7 @@ impl Builder {
             texture,
             interior: object.interior,
             encloses: false,
+            bounds: (Vec3::INFINITY, Vec3::NEG_INFINITY),
             normals: Vec::new(),
             uvs: Vec::new(),
         };
@@ -67,6 +68,7 @@ impl Builder {
         match placed {
             Placed::Ellipsoid(ellipsoid) => {
                 part.encloses = passes;
+                part.bounds = ellipsoid.bounds();
                 self.primitives
                     .push(Primitive::Ellipsoid(self.ellipsoids.len() as u32));
                 self.leaves.push(Leaf {
@@ -92,6 +94,10 @@ impl Builder {
                     object: index,
                     corners: *t,
                 }));
+                part.bounds = triangles
+                    .positions
+                    .iter()
+                    .fold(part.bounds, |(low, high), p| (low.min(*p), high.max(*p)));
                 part.normals = triangles.normals;
                 part.uvs = triangles.uvs;
             }

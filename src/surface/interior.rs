@@ -39,6 +39,12 @@ impl Inside {
         self.list().last().copied()
     }
 
+    /// The objects that contain the point, in the file's order.
+    #[must_use]
+    pub fn objects(&self) -> &[u32] {
+        self.list()
+    }
+
     /// True inside `object`, owner or not.
     #[must_use]
     pub fn contains(&self, object: u32) -> bool {

@@ -84,6 +84,7 @@ struct Part {
     texture: Option<usize>,
     interior: Option<Optics>,
     encloses: bool,
+    bounds: (Vec3, Vec3),
     normals: Vec<Vec3>,
     uvs: Vec<Vec2>,
 }
@@ -247,6 +248,19 @@ impl Surfaces {
     #[must_use]
     pub fn encloses(&self, object: u32) -> bool {
         self.parts[object as usize].encloses
+    }
+
+    /// Box around an object. \[m\]
+    #[must_use]
+    pub fn object_bounds(&self, object: u32) -> (Vec3, Vec3) {
+        self.parts[object as usize].bounds
+    }
+
+    /// True for closed objects of glass, whose boundary bends light.
+    #[must_use]
+    pub fn refracts(&self, object: u32) -> bool {
+        let part = &self.parts[object as usize];
+        part.encloses && part.blocks()
     }
 
     /// True when light can pass into any object.

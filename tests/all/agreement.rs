@@ -13,6 +13,7 @@ use vpm_vdb::estimate::tiles::{Bands, TILE, TILE_RAYS, TileGrid, TileRays};
 use vpm_vdb::film::Film;
 use vpm_vdb::grid::Grid;
 use vpm_vdb::march::Profile;
+use vpm_vdb::photon::deposit::DepositRate;
 use vpm_vdb::photon::map::PhotonMap;
 use vpm_vdb::photon::{Heading, Packed, TraceSettings, trace_photons};
 use vpm_vdb::ray::Ray;
@@ -383,7 +384,9 @@ fn check_gathers<S: Spectrum, H: Heading>(scene: &Scene, grids: &[&Grid]) {
         })
         .collect();
     let world = World::<S>::new(scene, volumes).expect("no surfaces to fail");
+    let rate = DepositRate::new(&world.media, &world.parts);
     let trace = TraceSettings {
+        rate: &rate,
         emit: 30_000,
         seed: 1,
         stage: Stage::Check,
@@ -395,7 +398,7 @@ fn check_gathers<S: Spectrum, H: Heading>(scene: &Scene, grids: &[&Grid]) {
     let mut photons = [traced.first, traced.higher].concat();
     let mut random = rng(40);
     for photon in &mut photons {
-        photon.radius = 4.0 * random.uniform();
+        photon.radius = 3.0f32.mul_add(random.uniform(), 1.0);
     }
     let tile_grid = TileGrid {
         low: [0, 0],
@@ -453,6 +456,7 @@ fn check_gathers<S: Spectrum, H: Heading>(scene: &Scene, grids: &[&Grid]) {
                     &map,
                     &profile,
                     &ray,
+                    0,
                     &mut counts[1],
                 );
                 worst = worst.max(difference(hierarchy, *plain, *height));
@@ -463,7 +467,7 @@ fn check_gathers<S: Spectrum, H: Heading>(scene: &Scene, grids: &[&Grid]) {
             let mut sums = [S::ZERO; TILE_RAYS];
             rays.gather::<Biweight>(
                 &world.media,
-                world.camera.position,
+                (world.camera.position, 0),
                 &photons,
                 tiles.tile(column),
                 &mut sums,
@@ -496,7 +500,7 @@ fn every_gather_is_the_sum_over_all_photons() {
     let (_, lights) = lights().swap_remove(0);
     let mut one = smoky(lights);
     // Thinner than the depth at which tiles play roulette with photons.
-    one.volumes[0].optics.extinction = Rgb::splat(0.05);
+    one.volumes[0].optics.extinction = Rgb::splat(0.02);
     check_gathers::<f32, ()>(&one, &[&blob]);
     check_gathers::<f32, Packed>(&one, &[&blob]);
     one.volumes[0].optics.extinction = Rgb::new(0.05, 0.025, 0.01);
@@ -504,13 +508,14 @@ fn every_gather_is_the_sum_over_all_photons() {
     one.fogs.push(Fog {
         bounds: Some([DVec3::splat(-15.0), DVec3::splat(30.0)]),
         optics: Optics {
-            extinction: Rgb::splat(0.05),
+            extinction: Rgb::splat(0.01),
             albedo: Rgb::splat(0.9),
             phase: Phase::Rayleigh,
         },
     });
     check_gathers::<Vec3, Packed>(&one, &[&blob]);
     // From inside, where spheres reach behind the camera.
+    one.volumes[0].optics.extinction = Rgb::splat(0.02);
     one.camera.position = DVec3::new(3.0, 2.0, 9.0);
     one.camera.vertical_fov = 90.0;
     check_gathers::<f32, Packed>(&one, &[&blob]);

@@ -99,8 +99,8 @@ fn exact_march_is_exact() {
         for _ in 0..4000 {
             let ray = ray_through(&grid, &mut random);
             let exact = Depth::new(&grid, &ray, f64::INFINITY);
-            // Thin enough that no ray is spent.
-            let sigma = (8.0 / exact.total().max(1e-6)).min(1.0) as f32;
+            // Thin enough that no ray is spent, nor shadow rays play roulette.
+            let sigma = (2.9 / exact.total().max(1e-6)).min(1.0) as f32;
             field.sigma_t = sigma;
             let found = profile(std::slice::from_ref(&field), &ray, March::Exact);
             let tau = f64::from(sigma) * exact.total();
@@ -114,7 +114,7 @@ fn exact_march_is_exact() {
                 std::slice::from_ref(&field),
                 &ray,
                 f32::INFINITY,
-                &mut Counters::default(),
+                &mut Sampler::new(random.clone()),
             );
             for tr in [found.transmittance, shadow] {
                 let off = (f64::from(tr) / (-tau).exp() - 1.0).abs();
@@ -131,6 +131,48 @@ fn exact_march_is_exact() {
         println!(
             "{name}: worst relative error of the optical depth {worst:.1e}, {over:.2} of its bound"
         );
+    }
+}
+
+/// Shadow rays that come deeper than the roulette's depth: rarely all the way, and right on average.
+#[test]
+fn shadow_rays_end_by_roulette_without_bias() {
+    let mut random = rng(22);
+    let (rays, samples) = (20, 20_000);
+    let bound = z_bound(6 * rays);
+    for (name, grid) in fields().into_iter().take(2) {
+        let mut media = [medium(&grid, Vec3::ONE)];
+        for i in 0..rays {
+            let ray = ray_through(&grid, &mut random);
+            media[0].sigma_t = Vec3::ONE;
+            let depth = profile(&media, &ray, March::Exact)
+                .optical_depth(f32::INFINITY)
+                .x;
+            if depth <= 0.0 {
+                continue;
+            }
+            // 3.2 to 7 deep in the thinnest channel.
+            let thinnest = (3.2 + 0.2 * i as f32) / depth;
+            media[0].sigma_t = Vec3::new(1.5, 1.0, 1.1) * thinnest;
+            let exact = profile(&media, &ray, March::Exact).transmittance;
+            let mut channels = [Welford::default(); 3];
+            let mut sampler = Sampler::new(random.clone());
+            random.bits();
+            for _ in 0..samples {
+                let tr: Vec3 = march_transmittance(&media, &ray, f32::INFINITY, &mut sampler);
+                assert!(
+                    tr.max_element() <= 0.05,
+                    "{name}: weight of a survivor {tr}"
+                );
+                for (channel, tr) in channels.iter_mut().zip(tr.to_array()) {
+                    channel.add(f64::from(tr));
+                }
+            }
+            for (channel, exact) in channels.iter().zip(exact.to_array()) {
+                let z = channel.z(f64::from(exact), 0.0);
+                assert!(z.abs() < bound, "{name}: depth {depth}, z {z}");
+            }
+        }
     }
 }
 
