@@ -2,17 +2,15 @@
 //!
 //! Leaves are decoded straight into the low 8^3 corner of their bricks; then every brick's apron
 //! is read from its neighbours. Where a constant region (empty space, a tile) borders on other
-//! values, the cells that straddle the border need a brick of their own: those are made here, so
-//! that a lookup never looks at a neighbour. Bricks whose values turn out equal give their
-//! storage back.
+//! values, the cells that straddle the border need bricks of their own, so that a lookup never
+//! looks at a neighbour (border.rs); bricks that turn out equal share their storage (compact.rs).
 
 use glam::{DAffine3, IVec3, UVec3};
 use rayon::prelude::*;
 use thiserror::Error;
 
 use super::{
-    APRON, BRICK, BRICK_VALUES, CONSTANT, Grid, TABLE, TABLE_BRICKS, TOP_LOG2, corner_index,
-    in_table,
+    APRON, BRICK, BRICK_VALUES, CONSTANT, Grid, TABLE_BRICKS, TOP_LOG2, corner_index, in_table,
 };
 use crate::ray::Bounds;
 
@@ -77,10 +75,10 @@ pub enum BuildError {
 }
 
 /// A grid under construction.
-struct Builder {
-    grid: Grid,
+pub(super) struct Builder {
+    pub(super) grid: Grid,
     /// Voxels outside this box are 0 whatever the tree says (backgrounds other than 0).
-    clip: Option<[IVec3; 2]>,
+    pub(super) clip: Option<[IVec3; 2]>,
 }
 
 impl Grid {
@@ -147,7 +145,7 @@ impl Grid {
 }
 
 /// Calls with each of 0..8 cubed, z fastest.
-fn for_each_cell(mut f: impl FnMut(IVec3)) {
+pub(super) fn for_each_cell(mut f: impl FnMut(IVec3)) {
     for x in 0..BRICK {
         for y in 0..BRICK {
             for z in 0..BRICK {
@@ -158,7 +156,7 @@ fn for_each_cell(mut f: impl FnMut(IVec3)) {
 }
 
 /// Calls with the corners of 0..=8 cubed that are not in 0..8 cubed.
-fn for_each_apron(mut f: impl FnMut(IVec3)) {
+pub(super) fn for_each_apron(mut f: impl FnMut(IVec3)) {
     for x in 0..=BRICK {
         for y in 0..=BRICK {
             let z0 = if x == BRICK || y == BRICK { 0 } else { BRICK };
@@ -246,7 +244,7 @@ impl Builder {
     }
 
     /// Entry of a constant, added if it is new.
-    fn constant(&mut self, value: f32) -> u32 {
+    pub(super) fn constant(&mut self, value: f32) -> u32 {
         let constants = &mut self.grid.constants;
         // Tiles of a file hold few distinct values; the last ones are the likeliest.
         let at = constants
@@ -279,7 +277,7 @@ impl Builder {
     }
 
     /// Sets the entry of a brick, making the table it lies in.
-    fn set_brick(&mut self, brick: IVec3, entry: u32) {
+    pub(super) fn set_brick(&mut self, brick: IVec3, entry: u32) {
         let cell = (brick >> 4i32).as_uvec3();
         if cell.cmpge(self.grid.dims).any() {
             return;
@@ -340,7 +338,7 @@ impl Builder {
     }
 
     /// Value of a voxel from its own leaf or constant; aprons need not be there yet.
-    fn value(&self, voxel: IVec3) -> f32 {
+    pub(super) fn value(&self, voxel: IVec3) -> f32 {
         if self
             .clip
             .is_some_and(|[a, b]| voxel.cmplt(a).any() || voxel.cmpgt(b).any())
@@ -353,93 +351,6 @@ impl Builder {
         } else {
             self.grid.values[entry as usize * BRICK_VALUES + corner_index(voxel & 7)]
         }
-    }
-
-    /// True where the 9^3 values of a brick are certainly all equal: one constant all around.
-    fn uniform_around(&self, brick: IVec3, entry: u32) -> bool {
-        let same = (1..8).all(|i| {
-            self.grid
-                .entry(brick + IVec3::new(i & 1, i >> 1 & 1, i >> 2))
-                == entry
-        });
-        let (lo, hi) = (brick * BRICK, brick * BRICK + IVec3::splat(BRICK));
-        let unclipped = entry == CONSTANT
-            || self
-                .clip
-                .is_none_or(|[a, b]| lo.cmpge(a).all() && hi.cmple(b).all());
-        same && unclipped
-    }
-
-    /// Makes bricks of the constant regions' cells that border on other values.
-    fn add_borders(&mut self) -> Result<(), BuildError> {
-        let dims = self.grid.dims;
-        let this = &*self;
-        let borders: Vec<(IVec3, Box<[f32; BRICK_VALUES]>)> = (0..this.grid.top.len())
-            .into_par_iter()
-            .flat_map_iter(|at| {
-                let z = at as u32 % dims.z;
-                let y = at as u32 / dims.z % dims.y;
-                let x = at as u32 / dims.z / dims.y;
-                this.borders_of(UVec3::new(x, y, z).as_ivec3())
-            })
-            .collect();
-        let bricks = self.grid.values.len() / BRICK_VALUES + borders.len();
-        if bricks >= CONSTANT as usize {
-            return Err(BuildError::TooManyBricks { bricks });
-        }
-        self.grid.values.reserve_exact(borders.len() * BRICK_VALUES);
-        for (brick, values) in borders {
-            let index = (self.grid.values.len() / BRICK_VALUES) as u32;
-            self.grid.values.extend_from_slice(&*values);
-            self.set_brick(brick, index);
-        }
-        Ok(())
-    }
-
-    /// The bricks of one top cell that [`Self::add_borders`] must make.
-    fn borders_of(&self, cell: IVec3) -> Vec<(IVec3, Box<[f32; BRICK_VALUES]>)> {
-        let lowest = cell * TABLE;
-        let entry = self.grid.top[self.grid.top_index(cell.as_uvec3())];
-        let constant = entry & CONSTANT != 0;
-        if constant {
-            let neighbour = |i: i32| {
-                self.grid
-                    .entry(lowest + IVec3::new(i & 1, i >> 1 & 1, i >> 2) * TABLE)
-            };
-            let top_constant = |i: i32| {
-                let c = (cell + IVec3::new(i & 1, i >> 1 & 1, i >> 2)).as_uvec3();
-                c.cmpge(self.grid.dims).any()
-                    || self.grid.top[self.grid.top_index(c)] & CONSTANT != 0
-            };
-            let clipped = entry != CONSTANT && self.clip.is_some();
-            if !clipped && (1..8).all(|i| top_constant(i) && neighbour(i) == entry) {
-                return Vec::new();
-            }
-        }
-        let mut found = Vec::new();
-        for slot in 0..TABLE_BRICKS as i32 {
-            let brick = lowest + IVec3::new(slot >> 8, slot >> 4 & 15, slot & 15);
-            let entry = self.grid.entry(brick);
-            if entry & CONSTANT == 0 || self.uniform_around(brick, entry) {
-                continue;
-            }
-            let own = self.grid.constants[(entry & !CONSTANT) as usize];
-            let mut values = Box::new([own; BRICK_VALUES]);
-            let mut differs = false;
-            let mut take = |v: IVec3| {
-                let value = self.value(brick * BRICK + v);
-                differs |= value != own;
-                values[corner_index(v)] = value;
-            };
-            if self.clip.is_some() {
-                for_each_cell(&mut take);
-            }
-            for_each_apron(&mut take);
-            if differs {
-                found.push((brick, values));
-            }
-        }
-        found
     }
 
     /// Reads every leaf brick's apron from its neighbours.
@@ -475,116 +386,4 @@ impl Builder {
                 });
         }
     }
-
-    /// Ranges, support; bricks of equal values give their storage back.
-    fn compact(&mut self) {
-        let ranges: Vec<[f32; 2]> = self
-            .grid
-            .values
-            .par_chunks(BRICK_VALUES)
-            .map(|brick| {
-                brick
-                    .iter()
-                    .fold([f32::MAX, f32::MIN], |[lo, hi], &v| [lo.min(v), hi.max(v)])
-            })
-            .collect();
-        let mut renamed = Vec::with_capacity(ranges.len());
-        let mut kept = 0;
-        for (index, &[lo, hi]) in ranges.iter().enumerate() {
-            if lo == hi {
-                renamed.push(self.constant(lo));
-                continue;
-            }
-            let from = index * BRICK_VALUES;
-            self.grid
-                .values
-                .copy_within(from..from + BRICK_VALUES, kept * BRICK_VALUES);
-            self.grid.ranges.push([lo, hi]);
-            renamed.push(kept as u32);
-            kept += 1;
-        }
-        self.grid.values.truncate(kept * BRICK_VALUES);
-        self.grid.values.shrink_to_fit();
-        self.grid
-            .tables
-            .par_iter_mut()
-            .filter(|entry| **entry & CONSTANT == 0)
-            .for_each(|entry| {
-                *entry = renamed[*entry as usize];
-            });
-        self.measure();
-    }
-
-    /// Support and range of the field.
-    fn measure(&mut self) {
-        let grid = &self.grid;
-        let dims = grid.dims;
-        let merge = |a: (Bounds, [f32; 2]), b: (Bounds, [f32; 2])| {
-            (a.0.union(&b.0), [a.1[0].min(b.1[0]), a.1[1].max(b.1[1])])
-        };
-        let (support, range) = (0..grid.top.len())
-            .into_par_iter()
-            .map(|at| {
-                let z = at as u32 % dims.z;
-                let y = at as u32 / dims.z % dims.y;
-                let x = at as u32 / dims.z / dims.y;
-                measure_top_cell(grid, UVec3::new(x, y, z).as_ivec3())
-            })
-            .reduce(|| (Bounds::EMPTY, [0.0; 2]), merge);
-        self.grid.support = support;
-        self.grid.range = range;
-    }
-}
-
-/// Support and range of the field in one top cell.
-fn measure_top_cell(grid: &Grid, cell: IVec3) -> (Bounds, [f32; 2]) {
-    let mut support = Bounds::EMPTY;
-    let mut range = [0.0f32; 2];
-    let entry = grid.top[grid.top_index(cell.as_uvec3())];
-    let lowest = cell * TABLE;
-    if entry & CONSTANT != 0 {
-        let value = grid.constants[(entry & !CONSTANT) as usize];
-        if value != 0.0 {
-            support = Bounds {
-                min: (lowest * BRICK).as_vec3(),
-                max: ((lowest + IVec3::splat(TABLE)) * BRICK).as_vec3(),
-            };
-        }
-        return (support, [value.min(0.0), value.max(0.0)]);
-    }
-    for slot in 0..TABLE_BRICKS as i32 {
-        let brick = lowest + IVec3::new(slot >> 8, slot >> 4 & 15, slot & 15);
-        let [lo, hi] = grid.brick_range(brick);
-        if lo == 0.0 && hi == 0.0 {
-            continue;
-        }
-        range = [range[0].min(lo), range[1].max(hi)];
-        let corner = brick * BRICK;
-        match grid.brick(brick) {
-            super::Brick::Constant(_) => {
-                support = support
-                    .including(corner.as_vec3())
-                    .including((corner + IVec3::splat(BRICK)).as_vec3());
-            }
-            super::Brick::Values(values) => {
-                let mut voxels = (IVec3::MAX, IVec3::MIN);
-                for x in 0..=BRICK {
-                    for y in 0..=BRICK {
-                        for z in 0..=BRICK {
-                            let v = IVec3::new(x, y, z);
-                            if values[corner_index(v)] != 0.0 {
-                                voxels = (voxels.0.min(v), voxels.1.max(v));
-                            }
-                        }
-                    }
-                }
-                // The interpolant reaches one voxel beyond, and this brick holds the cells from
-                // its corner on.
-                let lo = corner + (voxels.0 - IVec3::ONE).max(IVec3::ZERO);
-                let hi = corner + (voxels.1 + IVec3::ONE).min(IVec3::splat(BRICK));
-                support = support.including(lo.as_vec3()).including(hi.as_vec3());
-            }
-        }
-    }
-    (support, range)
 }

@@ -25,7 +25,7 @@
 use glam::{IVec3, UVec3, Vec3};
 use rayon::prelude::*;
 
-use super::{BRICK, Grid, TABLE, TABLE_BRICKS, in_table};
+use super::{BRICK, CONSTANT, Grid, TABLE, TABLE_BRICKS, in_table};
 use crate::ray::{Bounds, Ray, reciprocal};
 
 /// Optical range of a merged cell. Larger: more null collisions; smaller: more steps.
@@ -79,27 +79,39 @@ impl MajorantGrid {
         let dims = grid.dims();
         // Optical range per unit of value range, for a cell of one brick.
         let weight = sigma_t_scale * voxel_size * BRICK as f32 * 3f32.sqrt();
-        let cells = (dims.x * dims.y * dims.z) as usize;
-        let built: Vec<(Cell, Vec<Cell>)> = (0..cells)
-            .into_par_iter()
-            .map(|at| {
-                let (x, y, z) = (
-                    at as u32 / dims.z / dims.y,
-                    at as u32 / dims.z % dims.y,
-                    at as u32 % dims.z,
-                );
-                merge_table(grid, UVec3::new(x, y, z).as_ivec3(), weight)
+        // Top cells that share a table share its bounds.
+        let merged: Vec<(Cell, Vec<Cell>)> = grid
+            .tables
+            .par_chunks(TABLE_BRICKS)
+            .map(|table| merge_table(grid, table, weight))
+            .collect();
+        let mut tables = Vec::new();
+        let wholes: Vec<Cell> = merged
+            .into_iter()
+            .map(|(mut cell, table)| {
+                if !table.is_empty() {
+                    cell.link = DESCEND | (tables.len() / TABLE_BRICKS) as u32;
+                    tables.extend(table);
+                }
+                cell
             })
             .collect();
-        let mut top = Vec::with_capacity(cells);
-        let mut tables = Vec::new();
-        for (mut cell, table) in built {
-            if !table.is_empty() {
-                cell.link = DESCEND | (tables.len() / TABLE_BRICKS) as u32;
-                tables.extend(table);
-            }
-            top.push(cell);
-        }
+        tables.shrink_to_fit();
+        let top = grid
+            .top
+            .iter()
+            .map(|&entry| {
+                if entry & CONSTANT == 0 {
+                    return wholes[entry as usize];
+                }
+                let [minorant, majorant] = grid.entry_range(entry);
+                Cell {
+                    majorant,
+                    minorant,
+                    link: TABLE.ilog2(),
+                }
+            })
+            .collect();
         let mut this = Self {
             dims,
             top,
@@ -223,10 +235,16 @@ impl MajorantGrid {
         }
     }
 
-    /// Bytes that the bounds take in memory.
+    /// Bytes that the bounds take in memory, as allocated.
     #[must_use]
     pub fn memory_bytes(&self) -> usize {
-        size_of_val(&*self.top) + size_of_val(&*self.tables)
+        (self.top.capacity() + self.tables.capacity()) * size_of::<Cell>()
+    }
+
+    /// The most that the bounds of `grid` take, whatever its extinction: no cells merged.
+    #[must_use]
+    pub fn most_memory_bytes(grid: &Grid) -> usize {
+        (grid.top.len() + grid.tables.len()) * size_of::<Cell>()
     }
 
     /// The segments of a local-space ray inside [t0, t1].
@@ -252,20 +270,12 @@ impl MajorantGrid {
     }
 }
 
-/// Bounds of the bricks of one top cell, merged; an empty list where the whole cell is one.
-fn merge_table(grid: &Grid, cell: IVec3, weight: f32) -> (Cell, Vec<Cell>) {
-    let lowest = cell * TABLE;
-    let brick_at = |slot: usize| {
-        lowest
-            + IVec3::new(
-                (slot >> 8) as i32,
-                (slot >> 4 & 15) as i32,
-                (slot & 15) as i32,
-            )
-    };
-    let mut cells: Vec<Cell> = (0..TABLE_BRICKS)
-        .map(|slot| {
-            let [minorant, majorant] = grid.brick_range(brick_at(slot));
+/// Bounds of the bricks of one table, merged; an empty list where the whole cell is one.
+fn merge_table(grid: &Grid, table: &[u32], weight: f32) -> (Cell, Vec<Cell>) {
+    let mut cells: Vec<Cell> = table
+        .iter()
+        .map(|&entry| {
+            let [minorant, majorant] = grid.entry_range(entry);
             Cell {
                 majorant,
                 minorant,

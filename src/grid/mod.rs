@@ -8,8 +8,9 @@
 //! side), so that any lookup reads one brick: about 1.4 times the memory of bare 8^3 bricks, and
 //! no neighbour is ever looked up. Two index levels lead to a brick: a dense array over cells of
 //! 128^3 voxels, each empty, constant, or a table of 16^3 bricks; a brick whose 9^3 values are
-//! equal is a constant in its table and takes no storage. A sparse 2000^3 cloud has 4096 entries
-//! at the top.
+//! equal is a constant in its table and takes no storage. Equal bricks are stored once, and so are
+//! tables between constants: entries may name the same one. A sparse 2000^3 cloud has 4096
+//! entries at the top.
 //!
 //! Coordinates. `index` is OpenVDB's index space. `local` is index space moved so that the
 //! field's box starts a little above 0: non-negative, small, exact in f32. Outside the box of its
@@ -19,7 +20,9 @@
 //! Source: OpenVDB (Museth 2013, VDB: High-Resolution Sparse Volumes with Dynamic Topology);
 //! the apron as in brick atlases of GVDB (Hoetzlein 2016).
 
+mod border;
 pub mod build;
+mod compact;
 pub mod load;
 pub mod majorant;
 pub mod walk;
@@ -142,7 +145,11 @@ impl Grid {
     /// Smallest and largest value of the interpolated field in a brick's cells, faces included.
     #[must_use]
     pub fn brick_range(&self, brick: IVec3) -> [f32; 2] {
-        let entry = self.entry(brick);
+        self.entry_range(self.entry(brick))
+    }
+
+    /// Smallest and largest value of an index entry's brick.
+    fn entry_range(&self, entry: u32) -> [f32; 2] {
         if entry & CONSTANT != 0 {
             [self.constants[(entry & !CONSTANT) as usize]; 2]
         } else {
@@ -169,6 +176,12 @@ impl Grid {
     fn top_index(&self, cell: UVec3) -> usize {
         (cell.x as usize * self.dims.y as usize + cell.y as usize) * self.dims.z as usize
             + cell.z as usize
+    }
+
+    /// Coordinates of the top cell at a linear index.
+    fn top_cell(&self, at: usize) -> IVec3 {
+        let (y, z) = (self.dims.y as usize, self.dims.z as usize);
+        UVec3::new((at / z / y) as u32, (at / z % y) as u32, (at % z) as u32).as_ivec3()
     }
 
     /// Where the field can differ from 0. \[local voxels\]
@@ -207,14 +220,14 @@ impl Grid {
         self.ranges.len()
     }
 
-    /// Bytes that the field takes in memory.
+    /// Bytes that the field takes in memory, as allocated.
     #[must_use]
     pub fn memory_bytes(&self) -> usize {
-        size_of_val(&*self.top)
-            + size_of_val(&*self.tables)
-            + size_of_val(&*self.values)
-            + size_of_val(&*self.ranges)
-            + size_of_val(&*self.constants)
+        let entries = self.top.capacity() + self.tables.capacity();
+        let values = self.constants.capacity() + self.values.capacity();
+        entries * size_of::<u32>()
+            + values * size_of::<f32>()
+            + self.ranges.capacity() * size_of::<[f32; 2]>()
     }
 
     /// Corners of the support in world space. \[m\]

@@ -10,9 +10,10 @@ use glam::{DMat4, IVec3};
 use rayon::iter::{IndexedParallelIterator, ParallelIterator};
 use rayon::slice::ParallelSliceMut;
 
-use super::archive::{Archive, GridClass};
+use super::archive::Archive;
 use super::codec::Work;
 use super::error::{Fault, VdbError};
+use super::header::GridClass;
 use super::leaves::{Leaves, VOXELS};
 use super::topology::Tile;
 use super::tree::{Tree, TreePlace};

@@ -1,7 +1,7 @@
 //! Reading .vdb files: every grid that exporters write, and no harm from those that nobody should.
 //!
 //! ```text
-//! archive    header, descriptors ──> GridHeader (name, type, class, transform)
+//! layout     header, descriptors ──> GridHeader (name, type, class, transform)
 //! topology   one grid's tree      ──> background, tiles, origins of the leaves
 //! leaves     a scan of buffers    ──> where each leaf's values are
 //! codec      one node's values    ──> 512 numbers, on all threads, straight into bricks
@@ -21,6 +21,8 @@ mod codec;
 mod density;
 mod error;
 mod grid;
+mod header;
+mod layout;
 mod leaves;
 mod lookup;
 mod metadata;
@@ -31,11 +33,12 @@ mod transform;
 mod tree;
 mod value;
 
-pub use archive::{Archive, FileVersion, Found, GridClass, GridHeader, Refusal};
+pub use archive::{Archive, FileVersion, Found};
 pub use codec::Compression;
 pub use density::{Cleaner, LevelSetToFog};
 pub use error::{Fault, VdbError};
 pub use grid::{ScalarGrid, Vec3Grid};
+pub use header::{GridClass, GridHeader, Refusal};
 pub use lookup::Probe;
 pub use metadata::{MetaValue, Metadata};
 pub use stats::{Histogram, Moments, Statistics};

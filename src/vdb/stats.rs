@@ -32,6 +32,8 @@ pub struct Statistics {
     pub small_tiles: usize,
     /// Active voxels, those of tiles included.
     pub active_voxels: u64,
+    /// Active voxels of leaves.
+    pub leaf_voxels: u64,
     /// Lowest and highest active index coordinates, both inclusive.
     pub bbox: Option<[IVec3; 2]>,
     /// Per component; one for a number, three for a vector.
@@ -200,6 +202,7 @@ fn statistics<T: Stored>(bytes: &[u8], place: &TreePlace) -> Result<Statistics, 
     for (_, sum) in sums {
         all.merge(&sum?);
     }
+    let leaf_voxels = all.active;
     for tile in tree.topology.tiles.iter().filter(|t| t.active) {
         let last = tile.origin + ((1 << tile.log2_size) - 1);
         let weight = 1u64 << (3 * tile.log2_size);
@@ -213,6 +216,7 @@ fn statistics<T: Stored>(bytes: &[u8], place: &TreePlace) -> Result<Statistics, 
         tiles: tiles.len(),
         small_tiles: tiles.iter().filter(|t| t.log2_size == 3).count(),
         active_voxels: all.active,
+        leaf_voxels,
         bbox: (all.active > 0).then_some([all.low, all.high]),
         components: all.components[..T::COMPONENTS]
             .iter()

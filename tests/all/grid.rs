@@ -1,16 +1,22 @@
 //! The grid against brute force: what the tree says at every voxel, trilinear between.
 
 use std::collections::HashMap;
+use std::path::Path;
 
 use glam::{DAffine3, DVec3, IVec3, Vec3};
 
 use vpm_vdb::grid::build::{BuildError, Tile, Topology};
+use vpm_vdb::grid::load::{Taking, load_grid};
 use vpm_vdb::grid::majorant::MajorantGrid;
 use vpm_vdb::grid::{BRICK_VALUES, Brick, Grid, corner_index};
+use vpm_vdb::info::{self, InfoOptions};
 use vpm_vdb::rng::Rng;
+use vpm_vdb::scene::Convert;
+use vpm_vdb::vdb::{Archive, GridClass};
 
 use crate::fields::{generated, noise, patchy, real, rng, unit};
 use crate::stats::{Welford, z_bound};
+use crate::vdb_files;
 
 /// A tree, read voxel by voxel in OpenVDB's order: leaf, finest tile, background in its box.
 struct Tree {
@@ -156,6 +162,36 @@ fn trees() -> Vec<(&'static str, Tree)> {
     ]
 }
 
+/// Large constant regions whose faces would take millions of bricks of their own.
+fn vast() -> Vec<(&'static str, Tree)> {
+    let all = [IVec3::splat(-8192), IVec3::splat(8191)];
+    // A leaf against a face, one against an edge, one inside the tile.
+    let leaves = [[-8, 40, 40], [4096, 4096, 16], [2048, 0, 4088]].map(IVec3::from);
+    let chequered = (0..512)
+        .filter(|i| (i ^ (i >> 3) ^ (i >> 6)) & 1 == 0)
+        .map(|i| tile([(i >> 6) * 128, (i >> 3 & 7) * 128, (i & 7) * 128], 7, 0.8))
+        .collect();
+    let cut = [IVec3::splat(-77), IVec3::new(4111, 4096, 4099)];
+    vec![
+        (
+            "a tile of 4096",
+            Tree::new(0.0, vec![tile([0, 0, 0], 12, 0.7)], Vec::new(), all),
+        ),
+        (
+            "a tile of 4096 and leaves",
+            Tree::new(0.0, vec![tile([0, 0, 0], 12, 0.7)], leaves.to_vec(), all),
+        ),
+        (
+            "a tile of 4096 in a background in its box",
+            Tree::new(0.4, vec![tile([0, 0, 0], 12, 0.7)], leaves.to_vec(), cut),
+        ),
+        (
+            "tiles of 128 by turns",
+            Tree::new(0.0, chequered, Vec::new(), all),
+        ),
+    ]
+}
+
 /// A local point: in the middle of things, on a face, an edge or a corner of voxels or bricks.
 fn point(low: Vec3, high: Vec3, rng: &mut Rng) -> Vec3 {
     let mut p = low + (high - low) * unit(rng);
@@ -170,6 +206,17 @@ fn point(low: Vec3, high: Vec3, rng: &mut Rng) -> Vec3 {
     p
 }
 
+/// A local point within two voxels of a face of a box, on two of them every third time.
+fn on_a_face(low: Vec3, high: Vec3, rng: &mut Rng) -> Vec3 {
+    let mut p = point(low, high, rng);
+    for _ in 0..=rng.below(3) / 2 {
+        let axis = rng.below(3) as usize;
+        let face = if rng.below(2) == 0 { low } else { high };
+        p[axis] = face[axis] + 4.0 * rng.uniform() - 2.0;
+    }
+    p
+}
+
 /// Three nested interpolations of f32, each of a difference, a product and a sum: at most six
 /// roundings of values up to twice the largest corner.
 const LERP_ROUNDING: f64 = 6.0 * f32::EPSILON as f64;
@@ -177,14 +224,16 @@ const LERP_ROUNDING: f64 = 6.0 * f32::EPSILON as f64;
 #[test]
 fn lookup_is_trilinear_in_the_values_of_the_tree() {
     let mut random = rng(1);
-    for (name, tree) in trees() {
+    for (name, tree) in trees().into_iter().chain(vast()) {
         let grid = tree.build();
         let support = grid.support();
         let origin = grid.origin();
         let mut near: Vec<IVec3> = tree.topology.leaves.clone();
         near.extend(tree.topology.tiles.iter().map(|t| t.origin));
         for i in 0..200_000 {
-            let p = if i % 2 == 0 {
+            let p = if i % 4 == 0 {
+                on_a_face(support.min, support.max, &mut random)
+            } else if i % 2 == 0 || near.is_empty() {
                 point(support.min - 9.0, support.max + 9.0, &mut random)
             } else {
                 let corner = near[random.below(near.len() as u32) as usize] - origin;
@@ -203,6 +252,26 @@ fn lookup_is_trilinear_in_the_values_of_the_tree() {
                 "{name}: voxel {voxel}"
             );
         }
+    }
+}
+
+/// 1.6 million bricks on the faces of a tile of 4096^3 voxels (4.6 GB if each were stored), in
+/// 6144 tables (100 MB): what they share fits in a few megabytes, bounds included.
+#[test]
+fn faces_of_large_tiles_share_their_bricks() {
+    for (name, tree) in vast() {
+        let grid = tree.build();
+        let majorants = MajorantGrid::new(&grid, 1.0, 1.0);
+        let (field, bounds) = (grid.memory_bytes(), majorants.memory_bytes());
+        println!(
+            "{name}: {} bricks, {field} B, bounds {bounds} B",
+            grid.bricks()
+        );
+        assert!(grid.bricks() < 2000, "{name}: {} bricks", grid.bricks());
+        assert!(
+            field + bounds < 8 << 20,
+            "{name}: {field} B, bounds {bounds} B"
+        );
     }
 }
 
@@ -333,7 +402,7 @@ fn bounds_hold_on_generated_fields() {
             check_bounds(name, grid, sigma, 40_000, &mut random);
         }
     }
-    for (name, tree) in trees() {
+    for (name, tree) in trees().into_iter().chain(vast()) {
         check_bounds(name, &tree.build(), 0.1, 40_000, &mut random);
     }
 }
@@ -376,4 +445,68 @@ fn bricks_hold_their_voxels_and_aprons() {
             }
         }
     }
+}
+
+/// `info` says what grids take: the field to the byte, its bounds within 10 % of the whole where
+/// the medium is so dense that none merge, never too little.
+#[test]
+fn info_tells_the_memory_of_rendering() {
+    let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("volumes");
+    let folders = [vdb_files::folder("real"), own.is_dir().then_some(own)];
+    let mut compared = 0;
+    for path in folders
+        .iter()
+        .flatten()
+        .flat_map(|f| vdb_files::vdb_files(f))
+    {
+        let options = InfoOptions {
+            json: true,
+            ..InfoOptions::default()
+        };
+        let mut out = Vec::new();
+        // Files with grids that no renderer reads are told of all the same.
+        let _ = info::run(&path, &options, &mut out);
+        let told: serde_json::Value = serde_json::from_slice(&out).expect("info prints JSON");
+        let archive = Archive::open(&path).expect("the file opens");
+        for (header, told) in archive.grids().iter().zip(told.as_array().expect("a list")) {
+            let label = header.label();
+            let convert = match header.class {
+                GridClass::LevelSet => Convert::LevelSet,
+                _ => Convert::None,
+            };
+            let taking = Taking {
+                convert,
+                strict: false,
+            };
+            let Ok(loaded) = load_grid(&archive, &path, Some(&label), taking) else {
+                assert!(told["memory_bytes"].is_null(), "{label} is not rendered");
+                continue;
+            };
+            let grid = loaded.grid;
+            assert_eq!(told["memory_bytes"], grid.memory_bytes(), "{label}");
+            assert_eq!(told["bricks"], grid.bricks(), "{label}");
+            let most = told["bounds_bytes_at_most"].as_u64().expect("a number") as f64;
+            let bounds = |sigma| MajorantGrid::new(&grid, sigma, 1.0).memory_bytes() as f64;
+            let field = grid.memory_bytes() as f64;
+            let (dense, thin) = (bounds(1e9), bounds(0.01));
+            assert!(most >= thin, "{label}: bounds take {thin} B, told {most} B");
+            assert!(
+                most >= dense && field + most <= 1.1 * (field + dense),
+                "{label}: {field} B and at most {most} B, takes {dense} B"
+            );
+            let number = |key: &str| told[key].as_f64().unwrap_or(f64::NAN);
+            println!(
+                "{:32} {label:16} {:7} {:10} {:6.2} {:6.2} {:9} {:9}",
+                path.file_stem().unwrap_or_default().to_string_lossy(),
+                grid.bricks(),
+                grid.memory_bytes(),
+                number("memory_per_leaf_value"),
+                number("memory_per_active_value"),
+                told["leaves"],
+                most
+            );
+            compared += 1;
+        }
+    }
+    println!("{compared} grids");
 }
