@@ -59,8 +59,9 @@ pub fn scene_for(vdb: &Path) -> Result<Scene, LoadError> {
             .map_or_else(|| "volume".to_owned(), |s| s.to_string_lossy().into_owned()),
         camera,
         settings: Settings {
-            photons: 150_000,
-            passes: 8,
+            photons: 350_000,
+            passes: 5,
+            neighbours: 250,
             ..Settings::default()
         },
         volumes: vec![Volume {
