@@ -435,7 +435,7 @@ fn bricks_hold_their_voxels_and_aprons() {
                         let v = IVec3::new(n / 81, n / 9 % 9, n % 9);
                         let value = match grid.brick(brick) {
                             Brick::Constant(value) => value,
-                            Brick::Values(values) => values[corner_index(v)],
+                            Brick::Values(values) => values.at(v),
                         };
                         assert_eq!(value, grid.voxel(brick * 8 + v), "{name}: {brick} {v}");
                         (least, most) = (least.min(value), most.max(value));
