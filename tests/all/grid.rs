@@ -484,6 +484,7 @@ fn info_tells_the_memory_of_rendering() {
             };
             let grid = loaded.grid;
             assert_eq!(told["memory_bytes"], grid.memory_bytes(), "{label}");
+            assert_eq!(told["brick_value_bits"], grid.value_bits(), "{label}");
             assert_eq!(told["bricks"], grid.bricks(), "{label}");
             let most = told["bounds_bytes_at_most"].as_u64().expect("a number") as f64;
             let bounds = |sigma| MajorantGrid::new(&grid, sigma, 1.0).memory_bytes() as f64;
