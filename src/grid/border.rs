@@ -133,7 +133,7 @@ impl Builder {
             .filter_map(|at| Some((at, this.need(at)?)))
             .collect();
         let mut bricks = Bricks {
-            first: self.grid.values.len() / BRICK_VALUES,
+            first: self.values.len() / BRICK_VALUES,
             values: Vec::new(),
             known: HashMap::new(),
         };
@@ -175,8 +175,8 @@ impl Builder {
         if count >= CONSTANT as usize {
             return Err(BuildError::TooManyBricks { bricks: count });
         }
-        self.grid.values.reserve_exact(bricks.values.len());
-        self.grid.values.extend_from_slice(&bricks.values);
+        self.values.reserve_exact(bricks.values.len());
+        self.values.extend_from_slice(&bricks.values);
         for (brick, entry) in set {
             self.set_brick(brick, entry);
         }

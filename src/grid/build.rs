@@ -3,12 +3,14 @@
 //! Leaves are decoded straight into the low 8^3 corner of their bricks; then every brick's apron
 //! is read from its neighbours. Where a constant region (empty space, a tile) borders on other
 //! values, the cells that straddle the border need bricks of their own, so that a lookup never
-//! looks at a neighbour (border.rs); bricks that turn out equal share their storage (compact.rs).
+//! looks at a neighbour (border.rs); bricks that turn out equal share their storage (compact.rs), and
+//! values that fit in 16 bits take no more (values.rs).
 
 use glam::{DAffine3, IVec3, UVec3};
 use rayon::prelude::*;
 use thiserror::Error;
 
+use super::values::Values;
 use super::{
     APRON, BRICK, BRICK_VALUES, CONSTANT, Grid, TABLE_BRICKS, TOP_LOG2, corner_index, in_table,
 };
@@ -76,7 +78,10 @@ pub enum BuildError {
 
 /// A grid under construction.
 pub(super) struct Builder {
+    /// All but the values of its bricks.
     pub(super) grid: Grid,
+    /// The values of its bricks, 9^3 each, z fastest.
+    pub(super) values: Vec<f32>,
     /// Voxels outside this box are 0 whatever the tree says (backgrounds other than 0).
     pub(super) clip: Option<[IVec3; 2]>,
 }
@@ -92,14 +97,18 @@ impl Grid {
         decode: impl FnOnce(&mut [f32]) -> Result<(), E>,
     ) -> Result<Self, E> {
         let mut builder = Builder::new(topology)?;
-        builder.grid.values = vec![0.0; topology.leaves.len() * BRICK_VALUES];
-        decode(&mut builder.grid.values)?;
+        builder.values = vec![0.0; topology.leaves.len() * BRICK_VALUES];
+        decode(&mut builder.values)?;
         builder.place(topology);
         builder.clip_leaves(topology);
         builder.add_borders()?;
         builder.fill_aprons(topology);
         builder.compact();
-        Ok(builder.grid)
+        let values = Values::new(builder.values);
+        Ok(Self {
+            values,
+            ..builder.grid
+        })
     }
 
     /// A grid of the values of a function over a box of voxels (inclusive); 0 outside.
@@ -218,7 +227,11 @@ impl Builder {
             grid.top = vec![CONSTANT; cells as usize];
         }
         let clip = clip.map(|[a, b]| [a - grid.origin, b - grid.origin]);
-        let mut builder = Self { grid, clip };
+        let mut builder = Self {
+            grid,
+            values: Vec::new(),
+            clip,
+        };
         if let (Some([a, b]), true) = (builder.clip, topology.background != 0.0) {
             let background = builder.constant(topology.background);
             let (a, b) = (a >> TOP_LOG2 as i32, b >> TOP_LOG2 as i32);
@@ -235,7 +248,7 @@ impl Builder {
             top: Vec::new(),
             tables: Vec::new(),
             constants: vec![0.0],
-            values: Vec::new(),
+            values: Values::Full(Vec::new()),
             ranges: Vec::new(),
             support: Bounds::EMPTY,
             range: [0.0; 2],
@@ -320,8 +333,7 @@ impl Builder {
     fn clip_leaves(&mut self, topology: &Topology) {
         let Some([a, b]) = self.clip else { return };
         let origin = self.grid.origin;
-        self.grid
-            .values
+        self.values
             .par_chunks_mut(BRICK_VALUES)
             .zip(&topology.leaves)
             .for_each(|(brick, &leaf)| {
@@ -349,7 +361,7 @@ impl Builder {
         if entry & CONSTANT != 0 {
             self.grid.constants[(entry & !CONSTANT) as usize]
         } else {
-            self.grid.values[entry as usize * BRICK_VALUES + corner_index(voxel & 7)]
+            self.values[entry as usize * BRICK_VALUES + corner_index(voxel & 7)]
         }
     }
 
@@ -372,7 +384,7 @@ impl Builder {
                     });
                 });
             let start = batch * BATCH * BRICK_VALUES;
-            let bricks = &mut self.grid.values[start..start + leaves.len() * BRICK_VALUES];
+            let bricks = &mut self.values[start..start + leaves.len() * BRICK_VALUES];
             bricks
                 .par_chunks_mut(BRICK_VALUES)
                 .zip(scratch.par_chunks(apron))

@@ -45,12 +45,7 @@ fn same(a: &[f32], b: &[f32]) -> bool {
 impl Builder {
     /// Constants and equal bricks give their storage back; ranges, support.
     pub(super) fn compact(&mut self) {
-        let summaries: Vec<Summary> = self
-            .grid
-            .values
-            .par_chunks(BRICK_VALUES)
-            .map(summary)
-            .collect();
+        let summaries: Vec<Summary> = self.values.par_chunks(BRICK_VALUES).map(summary).collect();
         let mut renamed = Vec::with_capacity(summaries.len());
         // Two different bricks of one hash are kept apart: the second is just not shared.
         let mut known: HashMap<u64, u32> = HashMap::with_capacity(summaries.len());
@@ -62,7 +57,7 @@ impl Builder {
                 continue;
             }
             let from = index * BRICK_VALUES;
-            let values = &mut self.grid.values;
+            let values = &mut self.values;
             let first = *known.entry(hash).or_insert(kept);
             if first < kept {
                 let at = first as usize * BRICK_VALUES;
@@ -79,8 +74,8 @@ impl Builder {
             renamed.push(kept);
             kept += 1;
         }
-        self.grid.values.truncate(kept as usize * BRICK_VALUES);
-        self.grid.values.shrink_to_fit();
+        self.values.truncate(kept as usize * BRICK_VALUES);
+        self.values.shrink_to_fit();
         self.grid.ranges.shrink_to_fit();
         self.grid.constants.shrink_to_fit();
         self.grid
@@ -129,7 +124,7 @@ impl Builder {
         let tables: Vec<Extent> = grid
             .tables
             .par_chunks(TABLE_BRICKS)
-            .map(|table| table_extent(grid, table))
+            .map(|table| table_extent(grid, &self.values, table))
             .collect();
         let whole = Bounds {
             min: IVec3::ZERO.as_vec3(),
@@ -194,7 +189,7 @@ impl Extent {
 }
 
 /// Support and range of the field in one table, from its corner.
-fn table_extent(grid: &Grid, table: &[u32]) -> Extent {
+fn table_extent(grid: &Grid, values: &[f32], table: &[u32]) -> Extent {
     let mut extent = Extent::NONE;
     for (slot, &entry) in table.iter().enumerate() {
         let [lo, hi] = grid.entry_range(entry);
@@ -206,7 +201,7 @@ fn table_extent(grid: &Grid, table: &[u32]) -> Extent {
         let (mut low, mut high) = (IVec3::ZERO, IVec3::splat(BRICK));
         if entry & CONSTANT == 0 {
             let start = entry as usize * BRICK_VALUES;
-            let values = &grid.values[start..start + BRICK_VALUES];
+            let values = &values[start..start + BRICK_VALUES];
             let mut voxels = (IVec3::MAX, IVec3::MIN);
             for x in 0..=BRICK {
                 for y in 0..=BRICK {

@@ -25,10 +25,13 @@ pub mod build;
 mod compact;
 pub mod load;
 pub mod majorant;
+mod values;
 pub mod walk;
 
 use glam::{DAffine3, DVec3, IVec3, UVec3, Vec3};
 
+pub use self::values::BrickValues;
+use self::values::Values;
 use crate::ray::Bounds;
 
 /// Cells of a brick along an axis.
@@ -60,8 +63,8 @@ pub struct Grid {
     tables: Vec<u32>,
     /// Values of constant cells; the first is 0.
     constants: Vec<f32>,
-    /// Values of bricks, 9^3 each, z fastest.
-    values: Vec<f32>,
+    /// Values of bricks.
+    values: Values,
     /// Smallest and largest value of each brick.
     ranges: Vec<[f32; 2]>,
     /// Where the field can differ from 0, local coordinates.
@@ -78,7 +81,7 @@ pub enum Brick<'a> {
     /// All 9^3 values are this.
     Constant(f32),
     /// The 9^3 values.
-    Values(&'a [f32; BRICK_VALUES]),
+    Values(BrickValues<'a>),
 }
 
 /// Linear index of a brick in its table.
@@ -96,7 +99,7 @@ impl Grid {
         let cell = floor.as_ivec3();
         match self.brick(cell >> 3) {
             Brick::Constant(value) => value,
-            Brick::Values(values) => trilinear(values, cell & 7, p - floor),
+            Brick::Values(values) => values.corners(cell).at(p - floor),
         }
     }
 
@@ -113,7 +116,7 @@ impl Grid {
             Brick::Values(values) => {
                 let up = u.cmplt(p - floor);
                 let corner = (cell & 7) + IVec3::new(up.x.into(), up.y.into(), up.z.into());
-                values[corner_index(corner)]
+                values.at(corner)
             }
         }
     }
@@ -123,7 +126,7 @@ impl Grid {
     pub fn voxel(&self, voxel: IVec3) -> f32 {
         match self.brick(voxel >> 3) {
             Brick::Constant(value) => value,
-            Brick::Values(values) => values[corner_index(voxel & 7)],
+            Brick::Values(values) => values.at(voxel & 7),
         }
     }
 
@@ -135,10 +138,9 @@ impl Grid {
         if entry & CONSTANT != 0 {
             return Brick::Constant(self.constants[(entry & !CONSTANT) as usize]);
         }
-        let start = entry as usize * BRICK_VALUES;
-        match self.values[start..start + BRICK_VALUES].try_into() {
-            Ok(values) => Brick::Values(values),
-            Err(_) => Brick::Constant(0.0),
+        match self.values.brick(entry as usize) {
+            Some(values) => Brick::Values(values),
+            None => Brick::Constant(0.0),
         }
     }
 
@@ -220,13 +222,28 @@ impl Grid {
         self.ranges.len()
     }
 
+    /// Bits that a brick's value takes: 16 where that is exact for the whole grid, else 32.
+    #[must_use]
+    pub fn value_bits(&self) -> u32 {
+        self.values.bits()
+    }
+
+    /// The same field with 32 bits for every value: to measure against.
+    #[must_use]
+    pub fn widened(&self) -> Self {
+        Self {
+            values: self.values.widened(),
+            ..self.clone()
+        }
+    }
+
     /// Bytes that the field takes in memory, as allocated.
     #[must_use]
     pub fn memory_bytes(&self) -> usize {
         let entries = self.top.capacity() + self.tables.capacity();
-        let values = self.constants.capacity() + self.values.capacity();
         entries * size_of::<u32>()
-            + values * size_of::<f32>()
+            + self.constants.capacity() * size_of::<f32>()
+            + self.values.memory_bytes()
             + self.ranges.capacity() * size_of::<[f32; 2]>()
     }
 
@@ -253,26 +270,9 @@ pub fn corner_index(corner: IVec3) -> usize {
     (corner.x * 81 + corner.y * 9 + corner.z) as usize
 }
 
-/// Trilinear interpolation in the cell with lower corner `cell` (0..8), at `f` in \[0, 1\]^3.
-#[inline]
-#[must_use]
-pub fn trilinear(values: &[f32; BRICK_VALUES], cell: IVec3, f: Vec3) -> f32 {
-    corners(values, cell).at(f)
-}
-
 /// The eight values around a cell; x-y rows of (z, z + 1).
 #[derive(Debug, Clone, Copy)]
 pub struct Corners([[f32; 2]; 4]);
-
-/// The corners of the cell with lower corner `cell` (0..8).
-#[inline]
-#[must_use]
-pub fn corners(values: &[f32; BRICK_VALUES], cell: IVec3) -> Corners {
-    // One bounds check: the furthest corner is 81 + 9 + 1 beyond the lowest.
-    let start = corner_index(cell & 7);
-    let v = &values[start..start + 92];
-    Corners([[v[0], v[1]], [v[9], v[10]], [v[81], v[82]], [v[90], v[91]]])
-}
 
 impl Corners {
     /// Trilinear at `f` in \[0, 1\]^3.

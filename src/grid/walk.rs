@@ -13,7 +13,7 @@
 use glam::{IVec3, Vec3};
 
 use super::majorant::MajorantGrid;
-use super::{BRICK, Brick, Grid, corners};
+use super::{BRICK, Brick, Grid};
 use crate::ray::{Ray, reciprocal};
 
 /// A piece of a ray on which the field is a cubic in t.
@@ -93,7 +93,7 @@ pub fn walk(
                         // cell stands in, not the one that wraps around to its other side.
                         let cell = cell.clamp(first, last);
                         let low = cell.as_vec3();
-                        let corners = corners(values, cell - first);
+                        let corners = values.corners(cell - first);
                         let at =
                             |t: f32| corners.at((ray.at(t) - low).clamp(Vec3::ZERO, Vec3::ONE));
                         let density = [at(c0), at(0.5 * (c0 + c1)), at(c1)];

@@ -1,7 +1,8 @@
 //! What a grid takes in memory when it is rendered.
 //!
 //! ```text
-//! grid      4 * 729 + 8 bytes per brick, 4 * 4096 per table of bricks, 4 per 128^3 voxels
+//! grid      b * 729 + 8 bytes per brick, 4 * 4096 per table of bricks, 4 per 128^3 voxels
+//! b         2 where every value is a 16-bit float, else 4
 //! bounds    at most 12 * 4096 per table, 12 per 128^3 voxels; fewer where cells merge
 //! ratio     grid / (4 * voxels),   voxels: 512 per leaf, or those active in leaves
 //! ```
@@ -20,6 +21,8 @@ use crate::vdb::{Archive, GridClass, GridHeader, Statistics};
 pub(super) struct Memory {
     /// Bricks with storage.
     pub(super) bricks: usize,
+    /// Bits of a brick's value.
+    pub(super) value_bits: u32,
     /// The grid. \[bytes\]
     pub(super) grid: usize,
     /// The most that its bounds take, whatever the extinction. \[bytes\]
@@ -48,6 +51,7 @@ impl Memory {
         let per = |values: u64| (values > 0).then(|| bytes as f64 / (4 * values) as f64);
         Some(Self {
             bricks: grid.bricks(),
+            value_bits: grid.value_bits(),
             grid: bytes,
             bounds: MajorantGrid::most_memory_bytes(&grid),
             per_leaf_value: per(512 * stats.leaves as u64),

@@ -101,6 +101,7 @@ impl<'a> Row<'a> {
         put("tiles", json!(s.tiles));
         let memory = |f: fn(&Memory) -> Json| self.memory.as_ref().map_or(Json::Null, f);
         put("bricks", memory(|m| json!(m.bricks)));
+        put("brick_value_bits", memory(|m| json!(m.value_bits)));
         put("memory_bytes", memory(|m| json!(m.grid)));
         put("bounds_bytes_at_most", memory(|m| json!(m.bounds)));
         put("memory_per_leaf_value", memory(|m| json!(m.per_leaf_value)));

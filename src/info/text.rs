@@ -192,8 +192,9 @@ impl Row<'_> {
         };
         writeln!(
             out,
-            "  rendering    {} bricks, {}{}{}; bounds at most {}",
+            "  rendering    {} bricks of {}-bit values, {}{}{}; bounds at most {}",
             thousands(m.bricks as u64),
+            m.value_bits,
             bytes(m.grid),
             times("leaves", m.per_leaf_value),
             times("active values", m.per_active_value),

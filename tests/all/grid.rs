@@ -435,7 +435,7 @@ fn bricks_hold_their_voxels_and_aprons() {
                         let v = IVec3::new(n / 81, n / 9 % 9, n % 9);
                         let value = match grid.brick(brick) {
                             Brick::Constant(value) => value,
-                            Brick::Values(values) => values[corner_index(v)],
+                            Brick::Values(values) => values.at(v),
                         };
                         assert_eq!(value, grid.voxel(brick * 8 + v), "{name}: {brick} {v}");
                         (least, most) = (least.min(value), most.max(value));
@@ -484,6 +484,7 @@ fn info_tells_the_memory_of_rendering() {
             };
             let grid = loaded.grid;
             assert_eq!(told["memory_bytes"], grid.memory_bytes(), "{label}");
+            assert_eq!(told["brick_value_bits"], grid.value_bits(), "{label}");
             assert_eq!(told["bricks"], grid.bricks(), "{label}");
             let most = told["bounds_bytes_at_most"].as_u64().expect("a number") as f64;
             let bounds = |sigma| MajorantGrid::new(&grid, sigma, 1.0).memory_bytes() as f64;

@@ -8,6 +8,7 @@ mod fields;
 mod film_image;
 mod furnace;
 mod grid;
+mod grid_values;
 mod main_job;
 mod scene_file;
 mod segments;
