@@ -18,11 +18,11 @@ import tempfile
 
 ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..")
 BINARY = os.path.join(ROOT, "target", "release", "vpm-vdb")
-SCENES = {"rising_smoke": "160x200", "cloud": "160x100"}
-REFERENCE_SPP = 1024
-PASSES = (1, 2, 4, 8, 16)
-SPP = (4, 16, 64, 256)
-SEEDS = (1, 2, 3)
+SCENES = {"rising_smoke": "320x400", "cloud": "320x200"}
+REFERENCE_SPP = 256
+PASSES = (1, 2, 4, 8)
+SPP = (4, 16, 64)
+SEEDS = (1, 2)
 
 
 def run(*arguments):

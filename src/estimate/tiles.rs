@@ -439,8 +439,8 @@ fn eight_photons<S: Spectrum, H: Heading, K: KernelShape>(
         inverse[lane] = near.inverse;
         share[lane] = hit.weight;
         if H::KEPT {
-            for axis in 0..3 {
-                heading[axis][lane] = near.heading[axis];
+            for (row, part) in heading.iter_mut().zip(near.heading.to_array()) {
+                row[lane] = part;
             }
         }
         if lane < hits.len() {

@@ -250,7 +250,7 @@ impl DepositRate {
             let end = exits[axis].clamp(t, t1);
             let rate = self.cells[self.index(cell.as_uvec3())].rate * self.scale;
             count_down((end - t) * rate, left, |rest| {
-                visit(end - rest / rate, rate)
+                visit(end - rest / rate, rate);
             });
             if end >= t1 {
                 return;

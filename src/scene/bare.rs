@@ -60,7 +60,7 @@ pub fn scene_for(vdb: &Path) -> Result<Scene, LoadError> {
         camera,
         settings: Settings {
             photons: 350_000,
-            passes: 5,
+            passes: 7,
             neighbours: 250,
             ..Settings::default()
         },
