@@ -27,6 +27,7 @@
 //! straight from a sampled light is not.
 
 pub mod deposit;
+mod heading;
 pub mod map;
 pub mod radius;
 pub mod surface;
@@ -43,76 +44,13 @@ use crate::surface::{Hit, Inside, Transport};
 use crate::tracking::{Collision, Counters, Hero, Sampler, sample_free_flight};
 use crate::world::{World, passes};
 
+pub use heading::{Heading, Packed};
+
 use deposit::DepositRate;
 use surface::SurfacePhoton;
 
 /// Photons of one unit of parallel work.
 const CHUNK: u64 = 512;
-
-/// Direction of travel as a photon keeps it.
-pub trait Heading: Copy + std::fmt::Debug + Send + Sync + 'static {
-    /// True where directions are kept.
-    const KEPT: bool;
-    /// Keeps a direction, and the compartment of the world ([`World::compartment`]).
-    fn keep(direction: Vec3, compartment: u8) -> Self;
-    /// The direction.
-    fn direction(self) -> Vec3;
-    /// The compartment.
-    fn compartment(self) -> u8;
-}
-
-/// No direction: for media that scatter isotropically, in worlds of one compartment.
-impl Heading for () {
-    const KEPT: bool = false;
-    fn keep(_direction: Vec3, _compartment: u8) -> Self {}
-    fn direction(self) -> Vec3 {
-        Vec3::ZERO
-    }
-    fn compartment(self) -> u8 {
-        0
-    }
-}
-
-/// Direction in 2 x 13 bits (octahedral, Cigolle et al. 2014; off by less than 4e-4 rad) and the
-/// compartment in 6.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Packed(u32);
-
-impl Heading for Packed {
-    const KEPT: bool = true;
-
-    #[inline]
-    fn keep(direction: Vec3, compartment: u8) -> Self {
-        let d = direction / direction.abs().element_sum();
-        let (mut x, mut y) = (d.x, d.y);
-        if d.z < 0.0 {
-            (x, y) = (
-                (1.0 - d.y.abs()).copysign(d.x),
-                (1.0 - d.x.abs()).copysign(d.y),
-            );
-        }
-        let quantise = |v: f32| ((v * 0.5 + 0.5) * 8191.0).round() as u32 & 8191;
-        Self(quantise(x) << 19 | quantise(y) << 6 | (u32::from(compartment) & 63))
-    }
-
-    #[inline]
-    fn direction(self) -> Vec3 {
-        let open = |q: u32| (q & 8191) as f32 * (2.0 / 8191.0) - 1.0;
-        let (x, y) = (open(self.0 >> 19), open(self.0 >> 6));
-        let z = 1.0 - x.abs() - y.abs();
-        let d = if z < 0.0 {
-            Vec3::new((1.0 - y.abs()).copysign(x), (1.0 - x.abs()).copysign(y), z)
-        } else {
-            Vec3::new(x, y, z)
-        };
-        d.normalize()
-    }
-
-    #[inline]
-    fn compartment(self) -> u8 {
-        (self.0 & 63) as u8
-    }
-}
 
 /// A photon on its way. 20 bytes grey and isotropic, 32 chromatic and anisotropic.
 #[derive(Debug, Clone, Copy)]
