@@ -14,8 +14,7 @@
 //! collisions miss the far side; the estimate is then too dark over a radius along every outline.
 //! The scattering coefficient comes from the ray that gathers (`estimate::beam`), where the grid
 //! has it sharp. The rate also says how many deposits a path leaves: in a dense cloud every
-//! second or third collision's worth, since neighbours on one path tell little new; in thin smoke
-//! several along one crossing.
+//! second or third collision's worth, since neighbours on one path tell little new.
 //!
 //! The points are spaced evenly in s, from a random start: systematic sampling, whose expected
 //! density is lambda at every point, with less variance than a Poisson process.
@@ -137,7 +136,8 @@ impl DepositRate {
             scale: FIRST_SCALE,
         };
         for (medium, part) in media.iter().zip(parts) {
-            let per_extent = 0.5 / part.bounds.radius();
+            // A medium smaller than a cell must not fill the cell with deposits.
+            let per_extent = 1.0 / (2.0 * part.bounds.radius()).max(edge);
             match &medium.field {
                 Field::Constant { .. } => this.raise(&part.bounds, part.reach, per_extent),
                 Field::Grid(field) => {
@@ -371,6 +371,26 @@ mod tests {
         for (a, b) in whole.iter().zip(&pieces) {
             assert!((a - b).abs() < 1e-4, "{a} {b}");
         }
+    }
+
+    /// A bead in a wide fog: the cell around it is not filled with deposits at the bead's scale.
+    #[test]
+    fn a_medium_far_smaller_than_a_cell_leaves_few_deposits() {
+        let media = [
+            fog(Vec3::splat(-1e6), Vec3::splat(1e6)),
+            fog(Vec3::ZERO, Vec3::splat(1e-3)),
+        ];
+        let parts = media.each_ref().map(|m| Part::new(m, Bounds::EMPTY));
+        let mut rates = DepositRate::new(&media, &parts);
+        rates.settle(1e-9);
+        let ray = Ray {
+            origin: Vec3::splat(-2e6),
+            direction: Vec3::ONE.normalize(),
+        };
+        let mut count = 0;
+        rates.along(&ray, f32::INFINITY, &mut 0.5, |_, _| count += 1);
+        // The fog's extent gives 256; the bead's cells, some three of them, 256 sqrt 3 each.
+        assert!((200..2000).contains(&count), "{count} deposits");
     }
 
     #[test]
