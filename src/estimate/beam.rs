@@ -20,7 +20,7 @@
 //! Jensen 2008). T comes from the ray's one profile: two photons a millimetre apart do not march
 //! twice. Photons beyond the profile's end, which is where a surface ends the ray, do not count.
 
-use crate::estimate::kernel::KernelShape;
+use crate::estimate::kernel::Kernel;
 use crate::march::Profile;
 use crate::medium::Medium;
 use crate::phase::ISOTROPIC;
@@ -32,7 +32,8 @@ use crate::tracking::Counters;
 
 /// What one photon adds: T sigma_s p P K. \[W/(m2 sr)\]
 #[inline]
-pub fn contribution<S: Spectrum, H: Heading, K: KernelShape>(
+pub fn contribution<S: Spectrum, H: Heading>(
+    kernel: Kernel,
     media: &[Medium<S>],
     profile: &Profile<S>,
     ray: &Ray,
@@ -41,7 +42,7 @@ pub fn contribution<S: Spectrum, H: Heading, K: KernelShape>(
     d2: f32,
 ) -> S {
     let inverse = 1.0 / (photon.radius * photon.radius);
-    let kernel = K::DISC * inverse * K::shape(d2 * inverse);
+    let kernel = kernel.disc() * inverse * kernel.shape(d2 * inverse);
     let (tr, scattering) = profile.transmittance_and_sum(t, |medium, sigma_t| {
         let medium = &media[medium];
         let phase = if H::KEPT {
@@ -56,7 +57,8 @@ pub fn contribution<S: Spectrum, H: Heading, K: KernelShape>(
 }
 
 /// Radiance of the map's photons along the ray.
-pub fn radiance<S: Spectrum, H: Heading, K: KernelShape>(
+pub fn radiance<S: Spectrum, H: Heading>(
+    kernel: Kernel,
     media: &[Medium<S>],
     map: &PhotonMap<S, H>,
     profile: &Profile<S>,
@@ -70,7 +72,7 @@ pub fn radiance<S: Spectrum, H: Heading, K: KernelShape>(
             return;
         }
         counters.gathered_photons += 1;
-        sum += contribution::<S, H, K>(media, profile, ray, photon, t, d2);
+        sum += contribution(kernel, media, profile, ray, photon, t, d2);
     });
     sum
 }

@@ -18,7 +18,7 @@
 //! `ROULETTE_BELOW`, or after [`MAX_PREFIX`] events.
 
 use crate::estimate::direct::DirectLights;
-use crate::estimate::kernel::KernelShape;
+use crate::estimate::kernel::Kernel;
 use crate::estimate::{beam, emission};
 use crate::film::Sample;
 use crate::march::{Profile, transmittance};
@@ -61,6 +61,8 @@ pub struct Chain<'a, S, H> {
     pub maps: Option<&'a [PhotonMap<S, H>; 2]>,
     /// Photons on surfaces.
     pub photons: Option<&'a SurfaceGather<'a, S>>,
+    /// Kernel of the photon estimate.
+    pub kernel: Kernel,
     /// How stretches are marched.
     pub march: March,
     /// First order in media is sampled.
@@ -117,7 +119,7 @@ impl<S: Spectrum> Layers<S> {
 
 impl<S: Spectrum, H: Heading> Chain<'_, S, H> {
     /// What the camera sees beyond the first stretch. `profile` is scratch.
-    pub fn follow<K: KernelShape>(
+    pub fn follow(
         &self,
         first: Link<S>,
         profile: &mut Profile<S>,
@@ -136,7 +138,7 @@ impl<S: Spectrum, H: Heading> Chain<'_, S, H> {
             {
                 break;
             }
-            if !self.stretch::<K>(&mut link, profile, &mut sum, sampler) {
+            if !self.stretch(&mut link, profile, &mut sum, sampler) {
                 break;
             }
         }
@@ -207,7 +209,7 @@ impl<S: Spectrum, H: Heading> Chain<'_, S, H> {
     }
 
     /// The stretch up to the next surface; false where the ray leaves.
-    fn stretch<K: KernelShape>(
+    fn stretch(
         &self,
         link: &mut Link<S>,
         profile: &mut Profile<S>,
@@ -246,7 +248,8 @@ impl<S: Spectrum, H: Heading> Chain<'_, S, H> {
             if let Some([first, higher]) = self.maps {
                 for (map, layer) in [(first, &mut sum.direct), (higher, &mut sum.indirect)] {
                     *layer += link.throughput
-                        * beam::radiance::<S, H, K>(
+                        * beam::radiance(
+                            self.kernel,
                             &world.media,
                             map,
                             profile,

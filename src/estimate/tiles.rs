@@ -28,7 +28,7 @@ use wide::f32x8;
 
 use crate::camera::Camera;
 use crate::estimate::beam::contribution;
-use crate::estimate::kernel::KernelShape;
+use crate::estimate::kernel::Kernel;
 use crate::march::{OnlyMedium, Profile};
 use crate::math::exp8;
 use crate::medium::Medium;
@@ -239,6 +239,8 @@ pub struct TileRays<S, H> {
     ends: Vec<[f32; CLASSES]>,
     /// The farthest of each class.
     last: [f32; CLASSES],
+    /// Kernel of the estimate.
+    pub kernel: Kernel,
     /// Shuffles the classes from pass to pass.
     pub salt: u32,
     /// Scratch: photons that some ray may count.
@@ -263,6 +265,7 @@ impl<S: Spectrum, H: Heading> Default for TileRays<S, H> {
             t_end: [[f32x8::ZERO; 8]; CLASSES],
             ends: vec![[0.0; CLASSES]; TILE_RAYS],
             last: [0.0; CLASSES],
+            kernel: Kernel::Biweight,
             salt: 0,
             near: Vec::new(),
             hits: vec![Vec::new(); TILE_RAYS],
@@ -301,7 +304,7 @@ impl<S: Spectrum, H: Heading> TileRays<S, H> {
     }
 
     /// Adds the radiance of a tile's photons to each ray's sum.
-    pub fn gather<K: KernelShape>(
+    pub fn gather(
         &mut self,
         media: &[Medium<S>],
         (camera, compartment): (Vec3, u8),
@@ -321,14 +324,21 @@ impl<S: Spectrum, H: Heading> TileRays<S, H> {
                 let mut fluence = S::ZERO;
                 for eight in hits.chunks(8) {
                     fluence +=
-                        eight_photons::<S, H, K>(&only, &medium.phase, camera_ray, near, eight);
+                        eight_photons(self.kernel, &only, &medium.phase, camera_ray, near, eight);
                 }
                 *sum += fluence * medium.sigma_t * medium.albedo;
             } else {
                 for hit in hits.iter() {
                     let photon = &near[hit.near as usize].photon;
-                    let l =
-                        contribution::<S, H, K>(media, profile, camera_ray, photon, hit.t, hit.d2);
+                    let l = contribution(
+                        self.kernel,
+                        media,
+                        profile,
+                        camera_ray,
+                        photon,
+                        hit.t,
+                        hit.d2,
+                    );
                     *sum += l * hit.weight;
                 }
             }
@@ -417,7 +427,8 @@ impl<S: Spectrum, H: Heading> TileRays<S, H> {
 /// What up to eight photons of a ray through one medium add, over its scattering coefficient where
 /// the density is 1: [`contribution`], side by side.
 #[inline]
-fn eight_photons<S: Spectrum, H: Heading, K: KernelShape>(
+fn eight_photons<S: Spectrum, H: Heading>(
+    kernel: Kernel,
     only: &OnlyMedium<'_, S>,
     phase: &PhaseFunction,
     ray: &Ray,
@@ -454,7 +465,7 @@ fn eight_photons<S: Spectrum, H: Heading, K: KernelShape>(
     };
     let (depth, on_ray) = only.read(t);
     let inverse = f32x8::from(inverse);
-    let kernel = f32x8::splat(K::DISC) * inverse * K::shape8(f32x8::from(d2) * inverse);
+    let kernel = f32x8::splat(kernel.disc()) * inverse * kernel.shape8(f32x8::from(d2) * inverse);
     let weight = (kernel * phase * on_ray * f32x8::from(share)).to_array();
     let sigma_t = only.sigma_t();
     let first = exp8(-(depth * f32x8::splat(sigma_t.channel(0)))).to_array();

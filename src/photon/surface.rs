@@ -21,7 +21,7 @@
 use glam::Vec3;
 
 use super::radius::PILOT_NEIGHBOURS;
-use crate::estimate::kernel::{Biweight, KernelShape};
+use crate::estimate::kernel::Kernel;
 use crate::spectrum::Spectrum;
 use crate::surface::Bsdf;
 
@@ -228,11 +228,11 @@ impl<S: Spectrum> SurfaceGather<'_, S> {
         self.map.near(p, r * r, |photon, d2| {
             if one_surface(photon, p, normal, d2) {
                 let f = S::from_rgb(bsdf.gather(photon.direction, w_out));
-                sum += f * photon.power * Biweight::shape(d2 * inverse);
+                sum += f * photon.power * Kernel::Biweight.shape(d2 * inverse);
                 count += 1;
             }
             r * r
         });
-        (sum * (Biweight::DISC * inverse), count)
+        (sum * (Kernel::Biweight.disc() * inverse), count)
     }
 }

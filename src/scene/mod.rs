@@ -13,6 +13,8 @@ use std::path::PathBuf;
 
 use glam::{DAffine3, DVec3, Vec3};
 
+pub use crate::estimate::kernel::Kernel;
+
 /// Linear RGB: a colour, a coefficient per channel, or a power per channel.
 pub type Rgb = Vec3;
 
@@ -102,17 +104,6 @@ pub enum March {
     Exact,
     /// In fixed steps. \[voxels\]
     Step(f64),
-}
-
-/// Kernel of the density estimate.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kernel {
-    /// Constant over the disc or ball.
-    Constant,
-    /// Biweight.
-    Biweight,
-    /// Epanechnikov.
-    Epanechnikov,
 }
 
 /// What changes the image; execution (threads, progress) is elsewhere.

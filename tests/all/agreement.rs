@@ -8,7 +8,7 @@
 use glam::{DVec3, IVec3, Vec3};
 
 use vpm_vdb::estimate::beam;
-use vpm_vdb::estimate::kernel::Biweight;
+use vpm_vdb::estimate::kernel::Kernel;
 use vpm_vdb::estimate::tiles::{Bands, TILE, TILE_RAYS, TileGrid, TileRays};
 use vpm_vdb::film::Film;
 use vpm_vdb::grid::Grid;
@@ -437,7 +437,8 @@ fn check_gathers<S: Spectrum, H: Heading>(scene: &Scene, grids: &[&Grid]) {
                     if d2 < photon.radius * photon.radius && t > 0.0 && t < profile.t_end {
                         counts[0].gathered_photons += 1;
                         let add = |d2| {
-                            beam::contribution::<S, H, Biweight>(
+                            beam::contribution(
+                                Kernel::Biweight,
                                 &world.media,
                                 &profile,
                                 &ray,
@@ -451,7 +452,8 @@ fn check_gathers<S: Spectrum, H: Heading>(scene: &Scene, grids: &[&Grid]) {
                         *height += add(0.0);
                     }
                 }
-                let hierarchy = beam::radiance::<S, H, Biweight>(
+                let hierarchy = beam::radiance(
+                    Kernel::Biweight,
                     &world.media,
                     &map,
                     &profile,
@@ -465,7 +467,7 @@ fn check_gathers<S: Spectrum, H: Heading>(scene: &Scene, grids: &[&Grid]) {
             }
             rays.arrange(&[true; TILE_RAYS]);
             let mut sums = [S::ZERO; TILE_RAYS];
-            rays.gather::<Biweight>(
+            rays.gather(
                 &world.media,
                 (world.camera.position, 0),
                 &photons,

@@ -1,0 +1,224 @@
+//! One pass of the beam estimate: photons, their radii, tiles, camera rays.
+
+use std::time::Instant;
+
+use rayon::prelude::*;
+
+use super::camera::{Sum, camera_ray};
+use super::pilot::Radii;
+use super::{Job, Tally};
+use crate::estimate::beam;
+use crate::estimate::chain::{Chain, Link};
+use crate::estimate::tiles::{Bands, TILE, TILE_RAYS, TileRays};
+use crate::film::Sample;
+use crate::march::Profile;
+use crate::photon::map::PhotonMap;
+use crate::photon::radius::radius_scale;
+use crate::photon::surface::{SurfaceGather, SurfaceMap};
+use crate::photon::{Heading, Photon, TraceSettings, trace_photons};
+use crate::rng::{Rng, Stage};
+use crate::spectrum::Spectrum;
+use crate::tracking::{Counters, Sampler};
+
+/// One pass of the beam estimate.
+pub(super) fn pass<S: Spectrum, H: Heading>(
+    job: &Job<'_, S>,
+    radii: Option<&Radii<S>>,
+    pass: u32,
+    tally: &mut Tally,
+) -> Vec<Sample> {
+    let settings = &job.scene.settings;
+    let mut photons = [Vec::new(), Vec::new()];
+    let mut on_surfaces = None;
+    if let Some(radii) = radii {
+        let clock = Instant::now();
+        job.exec.progress.stage("photons", None);
+        let trace = TraceSettings {
+            rate: &radii.rate,
+            emit: settings.photons,
+            seed: settings.seed,
+            stage: Stage::Photon,
+            pass: pass.into(),
+            direct: settings.direct,
+            surface_photons: job.plan.surface_photons,
+        };
+        let traced = trace_photons::<S, H>(&job.world, &trace);
+        tally.photons.emitted += traced.emitted;
+        tally.photons.stored += traced.stored() as u64;
+        tally.counters += traced.counters;
+        tally.energy += traced.energy;
+        tally.times.photons += clock.elapsed().as_secs_f64();
+
+        let clock = Instant::now();
+        let scale = radius_scale(pass, 2);
+        photons = [traced.first, traced.higher];
+        on_surfaces = radii.surfaces.as_ref().map(|radius| SurfaceGather {
+            map: SurfaceMap::new(traced.surface),
+            radius,
+            scale,
+        });
+        for photon in &mut photons {
+            photon.par_iter_mut().for_each(|p| {
+                let radius = radii.media.at(p.position);
+                p.radius = radius.min(radii.rate.reach(p.position)) * scale;
+            });
+        }
+        tally.times.map += clock.elapsed().as_secs_f64();
+    }
+    let clock = Instant::now();
+    let pinhole = job.world.camera.is_pinhole();
+    let maps = (!pinhole || job.plan.follow).then(|| photons.clone().map(PhotonMap::new));
+    let tiles = pinhole.then(|| {
+        photons.map(|photons| {
+            let bands = Bands::new(&photons, &job.world.camera, &job.grid);
+            (photons, bands)
+        })
+    });
+    let gather = Gather {
+        tiles,
+        maps,
+        surface: on_surfaces,
+    };
+    tally.times.map += clock.elapsed().as_secs_f64();
+
+    let clock = Instant::now();
+    let height = u64::from(job.grid.high[1] - job.grid.low[1]);
+    job.exec
+        .progress
+        .stage(&format!("pass {}", pass + 1), Some(height));
+    let bands: Vec<(Vec<Sample>, Counters)> = (0..job.grid.bands())
+        .into_par_iter()
+        .map_init(TileRays::default, |rays, band| {
+            let out = gather_band::<S, H>(job, &gather, band, pass, rays);
+            job.exec.progress.advance(u64::from(TILE));
+            out
+        })
+        .collect();
+    let mut samples = Vec::with_capacity(bands.iter().map(|(s, _)| s.len()).sum());
+    for (band, counters) in bands {
+        samples.extend(band);
+        tally.counters += counters;
+    }
+    tally.times.gather += clock.elapsed().as_secs_f64();
+    samples
+}
+
+/// Photons, and the bands of the picture that they fall into.
+type Banded<S, H> = (Vec<Photon<S, H>>, Bands);
+
+/// The photons of a pass, those in media of first order and of higher ones.
+struct Gather<'a, S, H> {
+    /// For camera rays from one point, in tiles.
+    tiles: Option<[Banded<S, H>; 2]>,
+    /// For rays from anywhere, one by one: with a lens, and beyond mirrors and lenses.
+    maps: Option<[PhotonMap<S, H>; 2]>,
+    /// On surfaces.
+    surface: Option<SurfaceGather<'a, S>>,
+}
+
+/// One band of eight rows of pixels.
+fn gather_band<S: Spectrum, H: Heading>(
+    job: &Job<'_, S>,
+    gather: &Gather<'_, S, H>,
+    band: u32,
+    pass: u32,
+    rays: &mut TileRays<S, H>,
+) -> (Vec<Sample>, Counters) {
+    let grid = &job.grid;
+    rays.kernel = job.scene.settings.kernel;
+    rays.salt = pass.wrapping_mul(0x9e37_79b9);
+    let spp = job.scene.settings.spp;
+    let width = grid.high[0] - grid.low[0];
+    let rows = (grid.high[1] - grid.low[1] - band * TILE).min(TILE);
+    let mut samples = vec![Sample::NOTHING; (width * rows) as usize];
+    let mut counters = Counters::default();
+    let tiles = gather
+        .tiles
+        .as_ref()
+        .map(|maps| maps.each_ref().map(|(_, bands)| bands.tiles(band, grid)));
+    let chain = job.world.surfaces.as_ref().map(|surfaces| Chain {
+        world: &job.world,
+        surfaces,
+        lights: &job.lights,
+        maps: gather.maps.as_ref(),
+        photons: gather.surface.as_ref(),
+        kernel: job.scene.settings.kernel,
+        march: job.scene.settings.march,
+        direct: job.plan.direct,
+        emission: job.plan.emission,
+    });
+    let mut scratch = Profile::default();
+    let compartment = job.world.compartment(&job.world.camera_inside);
+    for column in 0..grid.columns() {
+        let mut sum = [Sum::default(); TILE_RAYS];
+        for s in 0..spp {
+            let mut used = [false; TILE_RAYS];
+            let mut photon_sums = [[S::ZERO; TILE_RAYS]; 2];
+            for i in 0..TILE_RAYS {
+                let (x, y) = (column * TILE + i as u32 % TILE, i as u32 / TILE);
+                if x >= width || y >= rows {
+                    continue;
+                }
+                used[i] = true;
+                let pixel = [grid.low[0] + x, grid.low[1] + band * TILE + y];
+                let index = u64::from(pixel[1]) << 32 | u64::from(pixel[0]);
+                let stream = u64::from(pass) * u64::from(spp) + u64::from(s);
+                let mut sampler = Sampler::new(Rng::stream(
+                    job.scene.settings.seed,
+                    Stage::Camera,
+                    stream,
+                    index,
+                ));
+                let (ray, profile) = (&mut rays.rays[i], &mut rays.profiles[i]);
+                let hit = camera_ray(job, pixel, ray, profile, &mut sum[i], &mut sampler);
+                if let (Some(chain), Some(hit)) = (&chain, hit) {
+                    let tr = rays.profiles[i].transmittance;
+                    let link = Link::first(&job.world, &rays.rays[i], hit, tr);
+                    chain
+                        .follow(link, &mut scratch, &mut sampler)
+                        .add_to(&mut sum[i].sample);
+                }
+                if let (Some(maps), None) = (&gather.maps, &gather.tiles) {
+                    for (map, photons) in maps.iter().zip(&mut photon_sums) {
+                        photons[i] += beam::radiance(
+                            job.scene.settings.kernel,
+                            &job.world.media,
+                            map,
+                            &rays.profiles[i],
+                            &rays.rays[i],
+                            compartment,
+                            &mut sampler.counters,
+                        );
+                    }
+                }
+                counters += sampler.counters;
+            }
+            if let (Some(maps), Some(tiles)) = (&gather.tiles, &tiles) {
+                rays.arrange(&used);
+                for ((photons, _), (tile, sums)) in
+                    maps.iter().zip(tiles.iter().zip(&mut photon_sums))
+                {
+                    rays.gather(
+                        &job.world.media,
+                        (job.world.camera.position, compartment),
+                        photons,
+                        tile.tile(column),
+                        sums,
+                        &mut counters,
+                    );
+                }
+            }
+            for i in 0..TILE_RAYS {
+                sum[i].sample.direct += photon_sums[0][i].to_rgb();
+                sum[i].sample.indirect += photon_sums[1][i].to_rgb();
+            }
+        }
+        for (i, sum) in sum.iter().enumerate() {
+            let (x, y) = (column * TILE + i as u32 % TILE, i as u32 / TILE);
+            if x < width && y < rows {
+                samples[(y * width + x) as usize] = sum.mean(spp);
+            }
+        }
+    }
+    (samples, counters)
+}

@@ -1,0 +1,121 @@
+//! Camera rays: what each sees but for the photons along it.
+
+use super::Job;
+use crate::estimate::emission;
+use crate::film::Sample;
+use crate::march::Profile;
+use crate::ray::Ray;
+use crate::spectrum::Spectrum;
+use crate::surface::Hit;
+use crate::tracking::Sampler;
+
+/// Sum of the camera rays of a pixel in a pass.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Sum {
+    pub(super) sample: Sample,
+    /// Rays that met something.
+    pub(super) met: u32,
+}
+
+impl Default for Sum {
+    fn default() -> Self {
+        Self {
+            sample: Sample {
+                depth: 0.0,
+                ..Sample::NOTHING
+            },
+            met: 0,
+        }
+    }
+}
+
+impl Sum {
+    pub(super) fn mean(&self, rays: u32) -> Sample {
+        let w = 1.0 / rays as f32;
+        Sample {
+            direct: self.sample.direct * w,
+            indirect: self.sample.indirect * w,
+            emission: self.sample.emission * w,
+            alpha: self.sample.alpha * w,
+            depth: if self.met > 0 {
+                self.sample.depth / self.met as f32
+            } else {
+                f32::INFINITY
+            },
+        }
+    }
+}
+
+/// Everything of a camera ray up to the first surface but its photons: profile, background,
+/// emission, first order. Returns the surface that it meets.
+pub(super) fn camera_ray<S: Spectrum>(
+    job: &Job<'_, S>,
+    pixel: [u32; 2],
+    ray: &mut Ray,
+    profile: &mut Profile<S>,
+    sum: &mut Sum,
+    sampler: &mut Sampler,
+) -> Option<Hit> {
+    let world = &job.world;
+    let [jx, jy] = sampler.uniform2();
+    let lens = if world.camera.is_pinhole() {
+        [0.0; 2]
+    } else {
+        sampler.uniform2()
+    };
+    *ray = world
+        .camera
+        .ray([pixel[0] as f32 + jx, pixel[1] as f32 + jy], lens);
+    let hit = world
+        .surfaces
+        .as_ref()
+        .and_then(|s| s.intersect(ray.origin, ray.direction, f32::INFINITY));
+    let t_hit = hit.as_ref().map_or(f32::INFINITY, |hit| hit.t);
+    let light = world.seen_light(ray, t_hit);
+    let hit = if light.is_some() { None } else { hit };
+    let t_max = light.map_or(t_hit, |(t, _)| t);
+    profile.march(
+        world.media_for(&world.camera_inside),
+        ray,
+        t_max,
+        job.scene.settings.march,
+        &mut sampler.counters,
+    );
+    let behind = match (&hit, light) {
+        (Some(_), _) => S::ZERO,
+        (None, Some((_, l))) => l,
+        (None, None) => world.background(ray.direction),
+    };
+    let mut l = profile.transmittance * behind;
+    if job.plan.emission {
+        l += emission::radiance(world, ray, profile, &mut sampler.counters);
+    }
+    sum.sample.emission += l.to_rgb();
+    if job.plan.direct {
+        sum.sample.direct += job
+            .lights
+            .radiance(world, ray, &world.camera_inside, profile, sampler)
+            .to_rgb();
+    }
+    let alpha = if light.is_some() || hit.is_some() {
+        1.0
+    } else {
+        1.0 - profile.transmittance.mean()
+    };
+    sum.sample.alpha += alpha;
+    if alpha > 0.0 {
+        // Where half of what is seen lies in front.
+        let half = if hit.is_some() {
+            std::f32::consts::LN_2
+        } else {
+            -(-0.5 * (1.0 - profile.transmittance.channel(0))).ln_1p()
+        };
+        sum.sample.depth += if profile.is_clear() {
+            t_max
+        } else {
+            profile.distance_at(half, 0)
+        };
+        sum.met += 1;
+    }
+    hit
+}

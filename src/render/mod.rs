@@ -1,0 +1,303 @@
+//! Passes over the picture: photons, map, camera rays, film.
+//!
+//! A beam pass (`beam`) traces fresh photons, gives each its radius, sorts them into tiles and
+//! walks the tiles in parallel; passes are independent and their average is consistent, since
+//! radii shrink from pass to pass (`photon::radius`). A path pass (`path`) traces a few paths
+//! through every pixel. The streams of random numbers belong to photons and pixels, and every sum
+//! has one order: the number of threads changes nothing.
+
+mod beam;
+mod camera;
+mod path;
+mod pilot;
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use thiserror::Error;
+
+use crate::effects::EffectPlan;
+use crate::estimate::direct::DirectLights;
+use crate::estimate::tiles::TileGrid;
+use crate::film::Film;
+use crate::grid::load::load_volumes;
+use crate::photon::{Energy, Heading, Packed};
+use crate::progress::Progress;
+use crate::report::{ImageFigures, PhotonCounts, Report, Times, peak_rss_bytes};
+use crate::scene::{Method, Scene};
+use crate::spectrum::Spectrum;
+use crate::surface::Surfaces;
+use crate::tracking::Counters;
+use crate::world::{LoadedVolume, World};
+
+/// How to render; changes nothing in the picture.
+#[derive(Clone, Copy)]
+pub struct Exec<'a> {
+    /// Threads; all without it.
+    pub threads: Option<usize>,
+    /// Who is told.
+    pub progress: &'a dyn Progress,
+    /// No pass begins that would probably end later than this.
+    pub time_limit: Option<Duration>,
+    /// Hears of what was cleaned or chosen while loading.
+    pub warn: &'a (dyn Fn(&str) + Sync),
+    /// Set to stop after the pass in hand.
+    pub stop: &'a AtomicBool,
+}
+
+impl std::fmt::Debug for Exec<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Exec")
+            .field("threads", &self.threads)
+            .field("time_limit", &self.time_limit)
+            .finish_non_exhaustive()
+    }
+}
+
+/// A rendered picture.
+#[derive(Debug)]
+pub struct Rendered {
+    /// Pixels.
+    pub film: Film,
+    /// What was done.
+    pub report: Report,
+    /// Where the photons' power went, all passes together.
+    pub energy: Energy,
+    /// Fewer passes than asked for.
+    pub stopped_early: bool,
+}
+
+/// Why a scene cannot be rendered.
+#[derive(Debug, Error)]
+pub enum RenderError {
+    /// A volume cannot be loaded.
+    #[error(transparent)]
+    Volume(#[from] crate::grid::load::LoadError),
+    /// An object cannot be loaded.
+    #[error(transparent)]
+    Surface(#[from] crate::surface::SurfaceError),
+    /// No thread pool.
+    #[error("cannot start {threads} threads: {reason}")]
+    Threads {
+        /// Threads asked for.
+        threads: usize,
+        /// Why not.
+        reason: String,
+    },
+    /// Something that this version does not render.
+    #[error("{0}")]
+    Unsupported(String),
+}
+
+/// Renders a scene.
+///
+/// # Errors
+/// [`RenderError`]: a volume that cannot be read, or what this version does not render.
+pub fn render(scene: &Scene, exec: &Exec<'_>) -> Result<Rendered, RenderError> {
+    pool(exec)?.install(|| {
+        let start = Instant::now();
+        check_supported(scene)?;
+        exec.progress.stage("load", None);
+        let volumes = load_volumes(scene, exec.warn)?;
+        let load = start.elapsed().as_secs_f64();
+        let mut rendered = planned(scene, volumes, exec, start)?;
+        rendered.report.time_s.load = load;
+        Ok(rendered)
+    })
+}
+
+/// Renders a scene whose volumes, one for each of the scene's in order, are in memory already;
+/// their files are not looked at.
+///
+/// # Errors
+/// [`RenderError`]: what this version does not render.
+pub fn render_loaded(
+    scene: &Scene,
+    volumes: Vec<LoadedVolume>,
+    exec: &Exec<'_>,
+) -> Result<Rendered, RenderError> {
+    pool(exec)?.install(|| {
+        check_supported(scene)?;
+        planned(scene, volumes, exec, Instant::now())
+    })
+}
+
+/// The threads of a render.
+fn pool(exec: &Exec<'_>) -> Result<rayon::ThreadPool, RenderError> {
+    let threads = exec.threads.unwrap_or(0);
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .map_err(|e| RenderError::Threads {
+            threads,
+            reason: e.to_string(),
+        })
+}
+
+/// Renders in the form that the effect plan chooses.
+fn planned(
+    scene: &Scene,
+    volumes: Vec<LoadedVolume>,
+    exec: &Exec<'_>,
+    start: Instant,
+) -> Result<Rendered, RenderError> {
+    let plan = EffectPlan::new(scene, &volumes);
+    let mut rendered = match (plan.chromatic, plan.headings) {
+        (false, false) => run::<f32, ()>(scene, volumes, &plan, exec, start),
+        (false, true) => run::<f32, Packed>(scene, volumes, &plan, exec, start),
+        (true, false) => run::<glam::Vec3, ()>(scene, volumes, &plan, exec, start),
+        (true, true) => run::<glam::Vec3, Packed>(scene, volumes, &plan, exec, start),
+    }?;
+    exec.progress.finish();
+    rendered.report.threads = rayon::current_num_threads();
+    rendered.report.effects = plan.effects;
+    rendered.report.time_s.total = start.elapsed().as_secs_f64();
+    Ok(rendered)
+}
+
+/// The effect plan of a scene, without rendering it.
+///
+/// # Errors
+/// [`RenderError`] where a volume cannot be read.
+pub fn plan(scene: &Scene, warn: &dyn Fn(&str)) -> Result<EffectPlan, RenderError> {
+    check_supported(scene)?;
+    let volumes = load_volumes(scene, warn)?;
+    Ok(EffectPlan::new(scene, &volumes))
+}
+
+/// Refuses, by name, what this version does not render.
+fn check_supported(scene: &Scene) -> Result<(), RenderError> {
+    if scene
+        .lights
+        .iter()
+        .any(|l| matches!(l, crate::scene::Light::SkyImage { .. }))
+    {
+        return Err(RenderError::Unsupported(
+            "sky light: pictures of the sky are not rendered yet".to_owned(),
+        ));
+    }
+    if scene.settings.method == Method::Point {
+        return Err(RenderError::Unsupported(
+            "method 'point' is not rendered yet".to_owned(),
+        ));
+    }
+    Ok(())
+}
+
+/// What the passes share.
+struct Job<'a, S> {
+    scene: &'a Scene,
+    world: World<S>,
+    plan: &'a EffectPlan,
+    exec: &'a Exec<'a>,
+    /// Pixels that are rendered.
+    grid: TileGrid,
+    lights: DirectLights,
+}
+
+/// What has been done so far.
+#[derive(Default)]
+struct Tally {
+    times: Times,
+    photons: PhotonCounts,
+    counters: Counters,
+    energy: Energy,
+}
+
+/// Renders in one specialised form.
+fn run<S: Spectrum, H: Heading>(
+    scene: &Scene,
+    volumes: Vec<LoadedVolume>,
+    plan: &EffectPlan,
+    exec: &Exec<'_>,
+    start: Instant,
+) -> Result<Rendered, RenderError> {
+    let settings = &scene.settings;
+    let [width, height] = scene.camera.resolution;
+    let [x0, y0, x1, y1] = settings.crop.unwrap_or([0, 0, width, height]);
+    let mut tally = Tally::default();
+    let clock = Instant::now();
+    let world = World::new(scene, volumes)?;
+    for warning in world.surfaces.iter().flat_map(Surfaces::warnings) {
+        (exec.warn)(&warning.to_string());
+    }
+    tally.times.build = clock.elapsed().as_secs_f64();
+    let lights = DirectLights::new(&world);
+    let grid = TileGrid {
+        low: [x0, y0],
+        high: [x1, y1],
+    };
+    let job = Job {
+        scene,
+        world,
+        plan,
+        exec,
+        grid,
+        lights,
+    };
+    let mut film = Film::new(width, height, settings.crop);
+
+    let radii = if plan.photons {
+        Some(pilot::radii::<S, H>(&job, &mut tally))
+    } else {
+        None
+    };
+    let passes = match settings.method {
+        Method::Path => settings.spp.div_ceil(path::PATHS_PER_PASS),
+        Method::Beam | Method::Point => settings.passes,
+    };
+    let first_pass = Instant::now();
+    let mut pass = 0;
+    let stopped_early = loop {
+        if pass > 0 && exec.stop.load(Ordering::Relaxed) {
+            break pass < passes;
+        }
+        match exec.time_limit {
+            None if pass == passes => break false,
+            Some(limit) if pass > 0 => {
+                let each = first_pass.elapsed() / pass;
+                if start.elapsed() + each > limit {
+                    break false;
+                }
+            }
+            _ => {}
+        }
+        let samples = match (&radii, settings.method) {
+            (_, Method::Path) => path::pass(&job, pass, &mut tally),
+            (radii, _) => beam::pass::<S, H>(&job, radii.as_ref(), pass, &mut tally),
+        };
+        film.add_pass(&samples);
+        pass += 1;
+    };
+
+    let counters = tally.counters;
+    let report = Report {
+        scene: scene.name.clone(),
+        method: match settings.method {
+            Method::Beam => "beam",
+            Method::Point => "point",
+            Method::Path => "path",
+        }
+        .to_owned(),
+        resolution: scene.camera.resolution,
+        seed: settings.seed,
+        passes: film.passes(),
+        time_s: tally.times,
+        peak_rss_bytes: peak_rss_bytes(),
+        photons: tally.photons,
+        counters: crate::report::Counters {
+            free_flights: counters.free_flights,
+            transmittance_rays: counters.transmittance_rays,
+            density_lookups: counters.density_lookups,
+            gathered_photons: counters.gathered_photons,
+        },
+        image: ImageFigures::from(&film),
+        ..Report::default()
+    };
+    Ok(Rendered {
+        film,
+        report,
+        energy: tally.energy,
+        stopped_early,
+    })
+}

@@ -1,0 +1,72 @@
+//! The pilot: few photons that set the rate of deposits and the radius at every place.
+
+use std::time::Instant;
+
+use super::{Job, Tally};
+use crate::photon::deposit::DepositRate;
+use crate::photon::radius::RadiusField;
+use crate::photon::surface::SurfaceRadius;
+use crate::photon::{Heading, Photons, TraceSettings, trace_photons};
+use crate::rng::Stage;
+use crate::spectrum::Spectrum;
+
+/// Photons of a pilot estimate that are emitted, at most: twice as many are stored.
+const PILOT_EMITTED: u64 = 30_000;
+/// Photons that set the rate of deposits.
+const FEW: u64 = 2000;
+
+/// Radii from the pilots: of photons in media, and of points on surfaces.
+pub(super) struct Radii<S> {
+    /// Where photons are deposited.
+    pub(super) rate: DepositRate,
+    pub(super) media: RadiusField,
+    pub(super) surfaces: Option<SurfaceRadius<S>>,
+}
+
+/// Radii from a pilot estimate.
+pub(super) fn radii<S: Spectrum, H: Heading>(job: &Job<'_, S>, tally: &mut Tally) -> Radii<S> {
+    let clock = Instant::now();
+    job.exec.progress.stage("pilot", None);
+    let settings = &job.scene.settings;
+    let rate = DepositRate::new(&job.world.media, &job.world.parts);
+    let mut trace = TraceSettings {
+        rate: &rate,
+        emit: FEW.min(settings.photons),
+        seed: settings.seed,
+        stage: Stage::Pilot,
+        pass: 0,
+        direct: settings.direct,
+        surface_photons: job.plan.surface_photons,
+    };
+    let few = trace_photons::<S, H>(&job.world, &trace);
+    let deposits = few.first.len() + few.higher.len();
+    let mut rate = rate.clone();
+    rate.settle(deposits as f64 / trace.emit as f64);
+    trace.rate = &rate;
+    trace.emit = PILOT_EMITTED.clamp(1, settings.photons);
+    let Photons {
+        first,
+        higher,
+        surface,
+        counters,
+        ..
+    } = trace_photons::<S, H>(&job.world, &trace);
+    tally.counters += few.counters;
+    tally.counters += counters;
+    let positions = first.iter().chain(&higher).map(|p| p.position).collect();
+    let ratio = settings.photons as f32 / trace.emit as f32;
+    let widest = job.world.parts.iter().map(|p| p.reach).fold(0.0, f32::max);
+    let limits = [(1e-5 * job.world.bounds.radius()).min(widest), widest];
+    let field = RadiusField::new(positions, settings.neighbours as f32, ratio, limits);
+    let surfaces = job.plan.surface_photons.then(|| {
+        let extent = job.world.target.radius();
+        let limits = [1e-5 * extent, 0.1 * extent];
+        SurfaceRadius::new(surface, settings.neighbours as f32, ratio, limits)
+    });
+    tally.times.map += clock.elapsed().as_secs_f64();
+    Radii {
+        rate,
+        media: field,
+        surfaces,
+    }
+}
