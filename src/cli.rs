@@ -14,7 +14,7 @@ use vpm_vdb::scene::Method;
 
 /// Renders smoke, clouds, fog and fire stored in OpenVDB files by volumetric photon mapping.
 ///
-/// Exit codes: 0 done; 1 a comparison failed its bound; 2 bad input.
+/// Exit codes: 0 done; 1 a comparison or a self-test failed its bound; 2 bad input.
 #[derive(Debug, Parser)]
 #[command(name = "vpm-vdb", version, help_expected = true, max_term_width = 100)]
 pub(crate) struct Cli {
@@ -35,6 +35,11 @@ pub(crate) enum Command {
     Plan(PlanArgs),
     /// Compare a picture with a reference.
     Compare(CompareArgs),
+    /// Check the physics on this machine: figures against their bounds, exit code 1 if one fails.
+    ///
+    /// Furnaces, optical depths, distributions, bounds, phase functions, invariances: each against
+    /// an exact answer or by a statistical test on fixed seeds. No files are read or written.
+    Selftest(SelftestArgs),
 }
 
 /// Options of `render`; they win over the scene's `[render]`.
@@ -143,6 +148,17 @@ pub(crate) struct CompareArgs {
     /// full colour at one half.
     #[arg(long, value_name = "OUT.png")]
     pub(crate) heatmap: Option<PathBuf>,
+}
+
+/// Options of `selftest`.
+#[derive(Debug, Args)]
+pub(crate) struct SelftestArgs {
+    /// Fewer points, rays and samples: half a minute instead of two.
+    #[arg(long)]
+    pub(crate) quick: bool,
+    /// Print JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 /// Parses the command line; prints help or what is wrong with it, and exits, where need be.

@@ -17,15 +17,16 @@ use vpm_vdb::image::{self, Metadata};
 use vpm_vdb::render::{Exec, Rendered};
 use vpm_vdb::scene::file::settings_text;
 use vpm_vdb::scene::{Method, Scene};
+use vpm_vdb::selftest::{Check, Effort, FAMILIES, run_family};
 use vpm_vdb::{frames, progress, report};
 
-use crate::cli::{Cli, Command, CompareArgs, InfoArgs, PlanArgs, RenderArgs};
+use crate::cli::{Cli, Command, CompareArgs, InfoArgs, PlanArgs, RenderArgs, SelftestArgs};
 use crate::engine;
 
 /// Passes of a render that is to end for another reason.
 const MOST: u32 = 1_000_000;
 
-/// A comparison failed its bound.
+/// A comparison or a check failed its bound.
 const FAILED: u8 = 1;
 
 /// Set by Ctrl-C: the renderer ends after the pass in hand.
@@ -38,6 +39,7 @@ pub(crate) fn run(cli: &Cli) -> anyhow::Result<ExitCode> {
         Command::Info(args) => info(args),
         Command::Plan(args) => plan(args),
         Command::Compare(args) => run_compare(args),
+        Command::Selftest(args) => selftest(args),
     }
 }
 
@@ -361,4 +363,35 @@ fn table(f: &Figures) -> String {
         text += &format!("\nnot finite  {} pixels, left out", f.nonfinite_pixels);
     }
     text
+}
+
+/// Runs every check; a family's lines are printed as soon as it is done.
+fn selftest(args: &SelftestArgs) -> anyhow::Result<ExitCode> {
+    let effort = if args.quick {
+        Effort::Quick
+    } else {
+        Effort::Full
+    };
+    let started = Instant::now();
+    let mut all: Vec<Check> = Vec::new();
+    if !args.json {
+        print(Check::HEADINGS)?;
+    }
+    for (family, _) in FAMILIES {
+        let checks = run_family(family, effort)?;
+        if !args.json {
+            checks.iter().try_for_each(|c| print(&c.to_string()))?;
+        }
+        all.extend(checks);
+    }
+    let failed = all.iter().filter(|c| !c.passed).count();
+    if args.json {
+        let json = serde_json::json!({ "checks": all });
+        print(&serde_json::to_string_pretty(&json)?)?;
+    } else {
+        let seconds = started.elapsed().as_secs_f64();
+        let count = all.len();
+        print(&format!("{count} checks, {failed} failed, {seconds:.0} s"))?;
+    }
+    Ok(ExitCode::from(if failed == 0 { 0 } else { FAILED }))
 }

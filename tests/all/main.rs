@@ -3,7 +3,6 @@
 mod agreement;
 mod cli;
 mod determinism;
-mod exact;
 mod fields;
 mod film_image;
 mod furnace;
@@ -11,7 +10,7 @@ mod grid;
 mod grid_values;
 mod main_job;
 mod scene_file;
-mod segments;
+mod selftest;
 mod stats;
 mod surface;
 mod transmittance;

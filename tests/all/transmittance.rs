@@ -25,11 +25,11 @@ use vpm_vdb::scene::March;
 use vpm_vdb::spectrum::Spectrum;
 use vpm_vdb::tracking::{Counters, Hero, Sampler, sample_free_flight, transmittance};
 
-use crate::exact::Depth;
 use crate::fields::{
     direction, generated, grid, medium, patchy, ray_through, real_density, rng, smoke,
 };
-use crate::stats::{ALPHA, Welford, ks_p, sidak, z_bound};
+use crate::stats::{Welford, ks_p, sidak, z_bound};
+use vpm_vdb::selftest::exact::Depth;
 
 const EPS: f64 = f32::EPSILON as f64;
 
@@ -526,90 +526,3 @@ fn chromatic_flights_weigh_to_every_channels_distribution() {
     }
     println!("chromatic flight: worst |z| {worst:.2}, bound {bound:.2}");
 }
-
-/// One voxel cell and one box of fog, from 1e-8 to 1e8 optical depths thick.
-#[test]
-fn optical_thickness_from_1e_minus_8_to_1e8() {
-    let cell = grid(IVec3::splat(0), IVec3::splat(1), |v| {
-        0.5 + crate::fields::noise(v, 9)
-    });
-    let ray = Ray {
-        origin: Vec3::new(0.1, 0.2, 0.0),
-        direction: Vec3::new(0.3, 0.2, 0.9).normalize(),
-    };
-    for exponent in -8..=8 {
-        let sigma = 10f32.powi(exponent);
-        let fog = Medium {
-            field: Field::Constant {
-                bounds: Some(Bounds {
-                    min: Vec3::ZERO,
-                    max: Vec3::ONE,
-                }),
-            },
-            ..medium(&cell, sigma)
-        };
-        for (name, medium) in [("cell", medium(&cell, sigma)), ("fog", fog)] {
-            let media = [medium];
-            let depth = Depth::new(&cell, &local(&media[0], &ray), f64::INFINITY);
-            let exit = f64::from(FOG_BOX.clip(&ray, 0.0, 1e9).map_or(0.0, |(_, b)| b));
-            let tau = |t: f64| {
-                let d = if name == "fog" {
-                    t.min(exit)
-                } else {
-                    depth.at(t)
-                };
-                f64::from(sigma) * d
-            };
-            let total = tau(1e9);
-            let found = profile(&media, &ray, March::Exact);
-            let read = f64::from(found.optical_depth(found.t_end));
-            // A ray is followed until it is spent, and no further.
-            let spent = f64::from(vpm_vdb::march::SPENT_OPTICAL_DEPTH);
-            if total < spent {
-                assert!(
-                    (read / total - 1.0).abs() < 1e-5,
-                    "{name}, sigma {sigma:e}: optical depth {read:e}, exactly {total:e}"
-                );
-            } else {
-                assert!(
-                    read >= spent * (1.0 - 1e-6),
-                    "{name}, sigma {sigma:e}: {read}"
-                );
-                assert!(
-                    found.transmittance < 2e-8,
-                    "{name}, sigma {sigma:e}: opaque"
-                );
-            }
-            let mut sampler = Sampler::new(rng(27 + exponent.unsigned_abs() as u64));
-            let mut hero = Hero::choose(&mut sampler.rng);
-            let mean: Welford = (0..2000)
-                .map(|_| f64::from(transmittance(&media, &ray, f32::INFINITY, &mut sampler)))
-                .collect();
-            // Below 1 the numbers of f32 are 6e-8 apart, and the product has some four roundings.
-            // The variance of T in [0, 1] is at most its mean, and that of 1 - T.
-            let variance = total.min((-total).exp()) / 2000.0;
-            let off = (mean.mean() - (-total).exp()).abs();
-            assert!(
-                off <= 2.4e-7 + z_bound(34) * variance.sqrt(),
-                "{name}, sigma {sigma:e}: off by {off:e}"
-            );
-            let mut random = rng(28);
-            let mut uniform: Vec<f64> = (0..4000)
-                .map(|_| {
-                    sample_free_flight(&media, &ray, f32::INFINITY, &mut hero, &mut sampler)
-                        .map_or_else(
-                            || 1.0 - (-total).exp() * random.uniform_f64(),
-                            |c| -(-tau(c.t.into())).exp_m1(),
-                        )
-                })
-                .collect();
-            let p = ks_p(&mut uniform);
-            assert!(p > ALPHA / 34.0, "{name}, sigma {sigma:e}: p = {p:e}");
-        }
-    }
-}
-
-const FOG_BOX: Bounds = Bounds {
-    min: Vec3::ZERO,
-    max: Vec3::ONE,
-};

@@ -3,13 +3,14 @@
 
 use glam::DVec3;
 
-use vpm_vdb::grid::Grid;
-use vpm_vdb::ray::Ray;
+use crate::grid::Grid;
+use crate::ray::Ray;
 
-use crate::fields::{cell_value, corners};
+use super::fields::{cell_value, corners};
 
 /// Integral of a grid's density along a local ray.
-pub(crate) struct Depth<'a> {
+#[derive(Debug)]
+pub struct Depth<'a> {
     grid: &'a Grid,
     origin: DVec3,
     direction: DVec3,
@@ -22,7 +23,9 @@ pub(crate) struct Depth<'a> {
 }
 
 impl<'a> Depth<'a> {
-    pub(crate) fn new(grid: &'a Grid, ray: &Ray, t_max: f64) -> Self {
+    /// Of [0, `t_max`] of the ray.
+    #[must_use]
+    pub fn new(grid: &'a Grid, ray: &Ray, t_max: f64) -> Self {
         let (origin, direction) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
         let (low, high) = (grid.support().min.as_dvec3(), grid.support().max.as_dvec3());
         let (mut enter, mut exit) = (0.0, t_max);
@@ -100,13 +103,15 @@ impl<'a> Depth<'a> {
     }
 
     /// Integral of the steepest slope up to the end of t's piece.
-    pub(crate) fn roughness(&self, t: f64) -> f64 {
+    #[must_use]
+    pub fn roughness(&self, t: f64) -> f64 {
         let i = self.t.partition_point(|x| *x <= t).min(self.t.len() - 1);
         self.rough[i]
     }
 
     /// Most that reading t's piece as a Hermite cubic misses of the depth, and of the density.
-    pub(crate) fn cubic_reading_error(&self, t: f64) -> (f64, f64) {
+    #[must_use]
+    pub fn cubic_reading_error(&self, t: f64) -> (f64, f64) {
         let i = self.t.partition_point(|x| *x <= t);
         if i == 0 || i == self.t.len() {
             return (0.0, 0.0);
@@ -120,7 +125,8 @@ impl<'a> Depth<'a> {
     }
 
     /// Integral up to t.
-    pub(crate) fn at(&self, t: f64) -> f64 {
+    #[must_use]
+    pub fn at(&self, t: f64) -> f64 {
         let i = self.t.partition_point(|x| *x <= t);
         if i == 0 {
             return 0.0;
@@ -132,17 +138,20 @@ impl<'a> Depth<'a> {
     }
 
     /// Integral along the whole ray.
-    pub(crate) fn total(&self) -> f64 {
+    #[must_use]
+    pub fn total(&self) -> f64 {
         self.depth[self.depth.len() - 1]
     }
 
     /// Density at t.
-    pub(crate) fn density(&self, t: f64) -> f64 {
-        crate::fields::trilinear(self.grid, self.origin + t * self.direction)
+    #[must_use]
+    pub fn density(&self, t: f64) -> f64 {
+        super::fields::trilinear(self.grid, self.origin + t * self.direction)
     }
 
     /// First and last crossing.
-    pub(crate) fn extent(&self) -> (f64, f64) {
+    #[must_use]
+    pub fn extent(&self) -> (f64, f64) {
         (self.t[0], self.t[self.t.len() - 1])
     }
 }

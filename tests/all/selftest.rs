@@ -1,0 +1,45 @@
+//! The self-test's families, as `vpm-vdb selftest` makes them.
+
+use vpm_vdb::selftest::{Effort, FAMILIES, run_family};
+
+/// Prints a family's checks and asks that all pass.
+fn all_pass(family: &str, effort: Effort) {
+    let checks = run_family(family, effort).expect("the checks can be made");
+    assert!(!checks.is_empty(), "no family {family}");
+    for c in &checks {
+        println!("{c}");
+    }
+    let failed: Vec<_> = checks.iter().filter(|c| !c.passed).collect();
+    assert!(failed.is_empty(), "{family}: {failed:#?}");
+}
+
+macro_rules! families {
+    ($($test:ident $name:literal;)*) => {
+        $(
+            #[test]
+            fn $test() {
+                all_pass($name, Effort::Quick);
+            }
+        )*
+        /// Every family is one of the tests above.
+        #[test]
+        fn no_family_is_left_out() {
+            assert_eq!(FAMILIES.map(|(name, _)| name), [$($name),*]);
+        }
+    };
+}
+
+families! {
+    thickness "thickness";
+    rays "rays";
+    majorants "majorants";
+    phase "phase";
+}
+
+#[test]
+#[ignore = "every family with all its points, rays and samples: an hour"]
+fn exhaustive() {
+    for (family, _) in FAMILIES {
+        all_pass(family, Effort::Exhaustive);
+    }
+}
