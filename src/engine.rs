@@ -2,10 +2,12 @@
 
 use std::io::Write;
 use std::path::Path;
+use std::sync::atomic::AtomicBool;
 
+use vpm_vdb::effects::EffectPlan;
 use vpm_vdb::info::{self, InfoOptions};
-use vpm_vdb::render::{self, Exec, Rendered};
-use vpm_vdb::report::{Effect, Stage};
+use vpm_vdb::progress::Silent;
+use vpm_vdb::render::{self, Exec, Forecast, Rendered};
 use vpm_vdb::scene::{Scene, bare};
 
 /// Renders one frame.
@@ -16,10 +18,16 @@ pub(crate) fn run_render(scene: &Scene, exec: &Exec<'_>) -> anyhow::Result<Rende
 /// Which effects the scene calls for, and what the stages should cost.
 pub(crate) fn run_plan(
     scene: &Scene,
-    warn: &dyn Fn(&str),
-) -> anyhow::Result<(Vec<Effect>, Vec<Stage>)> {
-    let plan = render::plan(scene, warn)?;
-    Ok((plan.effects, Vec::new()))
+    warn: &(dyn Fn(&str) + Sync),
+) -> anyhow::Result<(EffectPlan, Forecast)> {
+    let exec = Exec {
+        threads: None,
+        progress: &Silent,
+        time_limit: None,
+        warn,
+        stop: &AtomicBool::new(false),
+    };
+    Ok(render::plan(scene, &exec)?)
 }
 
 /// Lists grids or values; returns remarks for the user.

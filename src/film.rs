@@ -201,6 +201,12 @@ impl Film {
         }
     }
 
+    /// Bytes that the film takes in memory, as allocated.
+    #[must_use]
+    pub fn memory_bytes(&self) -> usize {
+        self.pixels.capacity() * size_of::<Pixel>()
+    }
+
     /// Averages in one pass: a sample for each pixel of the crop, row-major.
     pub fn add_pass(&mut self, samples: &[Sample]) {
         assert_eq!(samples.len(), self.pixels.len(), "one sample a pixel");

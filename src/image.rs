@@ -17,7 +17,7 @@
 //! pictures are to be equal files.) A crop is a data window inside the full display window.
 
 use std::fs::File;
-use std::io::{BufReader, Write};
+use std::io::{BufReader, Cursor, Write};
 use std::path::{Path, PathBuf};
 
 use exr::meta::attribute::{IntegerBounds, Text};
@@ -140,6 +140,41 @@ fn text(s: &str) -> Text {
 
 /// Writes the film with all layers, whole or not at all.
 pub fn write_exr(file: &Path, film: &Film, metadata: &Metadata) -> Result<(), ImageError> {
+    let image = layered(film, metadata);
+    atomic::write(file, |out| {
+        image
+            .write()
+            .to_buffered(out)
+            .map_err(|source| ImageError::EncodeExr {
+                file: file.to_owned(),
+                source,
+            })
+    })
+}
+
+/// Encodes a film as both files without writing them; their size. \[bytes\]
+pub(crate) fn encoded_size(film: &Film, exposure: f64) -> usize {
+    let metadata = Metadata {
+        scene: String::new(),
+        settings: String::new(),
+    };
+    let mut exr = Cursor::new(Vec::new());
+    let mut png = Vec::new();
+    let [x0, y0, x1, y1] = film.crop();
+    let done = layered(film, &metadata)
+        .write()
+        .to_buffered(&mut exr)
+        .is_ok()
+        && encode_png(&mut png, x1 - x0, y1 - y0, &tone_mapped(film, exposure)).is_ok();
+    if done {
+        exr.into_inner().len() + png.len()
+    } else {
+        0
+    }
+}
+
+/// The film's layers.
+fn layered(film: &Film, metadata: &Metadata) -> Image<Layer<AnyChannels<FlatSamples>>> {
     let [x0, y0, x1, y1] = film.crop();
     let channel = |name: &str, samples: Vec<f32>| AnyChannel::new(name, FlatSamples::F32(samples));
     let means: Vec<PixelMeans> = crop_pixels(film).map(|(x, y)| film.means(x, y)).collect();
@@ -177,27 +212,23 @@ pub fn write_exr(file: &Path, film: &Film, metadata: &Metadata) -> Result<(), Im
     let mut image = Image::from_layer(layer);
     image.attributes.display_window =
         IntegerBounds::new(Vec2(0, 0), Vec2(width as usize, height as usize));
-    atomic::write(file, |out| {
-        image
-            .write()
-            .to_buffered(out)
-            .map_err(|source| ImageError::EncodeExr {
-                file: file.to_owned(),
-                source,
-            })
-    })
+    image
 }
 
 /// Writes the film as eight-bit sRGB (see `tone`), whole or not at all. `exposure` in stops.
 pub fn write_png(file: &Path, film: &Film, exposure: f64) -> Result<(), ImageError> {
     let [x0, y0, x1, y1] = film.crop();
-    let bytes: Vec<u8> = crop_pixels(film)
+    write_rgb8(file, x1 - x0, y1 - y0, &tone_mapped(film, exposure))
+}
+
+/// Eight-bit sRGB of the film.
+fn tone_mapped(film: &Film, exposure: f64) -> Vec<u8> {
+    crop_pixels(film)
         .flat_map(|(x, y)| {
             let v = tone::map(film.mean(x, y).to_array(), exposure);
             [0, 1, 2].map(|c| tone::quantise(v[c as usize], x, y, c))
         })
-        .collect();
-    write_rgb8(file, x1 - x0, y1 - y0, &bytes)
+        .collect()
 }
 
 /// Writes rows of red, green, blue bytes in sRGB, whole or not at all.

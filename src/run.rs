@@ -15,6 +15,7 @@ use vpm_vdb::atomic::{self, check_writable};
 use vpm_vdb::compare::{Figures, compare, heat_map};
 use vpm_vdb::image::{self, Metadata};
 use vpm_vdb::render::{Exec, Rendered};
+use vpm_vdb::report::PhotonCounts;
 use vpm_vdb::scene::file::settings_text;
 use vpm_vdb::scene::{Method, Scene};
 use vpm_vdb::selftest::{Check, Effort, FAMILIES, run_family};
@@ -302,9 +303,14 @@ fn info(args: &InfoArgs) -> anyhow::Result<ExitCode> {
 
 fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
     let scene = load(&args.scene, None)?;
-    let (effects, stages) = engine::run_plan(&scene, &|text| eprintln!("warning: {text}"))?;
+    let (plan, forecast) = engine::run_plan(&scene, &|text| eprintln!("warning: {text}"))?;
+    let (effects, stages) = (plan.effects, forecast.stages);
     if args.json {
-        let json = serde_json::json!({ "effects": effects, "stages": stages });
+        let json = serde_json::json!({
+            "effects": effects,
+            "stages": stages,
+            "photons": forecast.photons,
+        });
         print(&serde_json::to_string_pretty(&json)?)?;
         return Ok(ExitCode::SUCCESS);
     }
@@ -317,13 +323,26 @@ fn plan(args: &PlanArgs) -> anyhow::Result<ExitCode> {
             e.name, e.reason, e.form
         ))?;
     }
+    print("")?;
     for s in &stages {
-        let seconds = s.seconds_estimate.map(|t| format!("{t:8.1} s"));
-        let memory = s
-            .memory_bytes
-            .map(|b| format!("{:8.1} MiB", b as f64 / 1_048_576.0));
-        let (seconds, memory) = (seconds.unwrap_or_default(), memory.unwrap_or_default());
-        print(&format!("{:width$}  {seconds:>10}  {memory:>12}", s.name))?;
+        let seconds = s.seconds_estimate.map(|t| format!("{t:.2} s"));
+        let mebibytes = |b: u64| format!("{:.1} MiB", b as f64 / 1_048_576.0);
+        let memory = s.memory_bytes.map(mebibytes).unwrap_or_default();
+        let seconds = seconds.unwrap_or_default();
+        print(&format!(
+            "     {:width$}  {seconds:>10}  {memory:>12}",
+            s.name
+        ))?;
+    }
+    let seconds: f64 = stages.iter().filter_map(|s| s.seconds_estimate).sum();
+    let seconds = format!("{seconds:.2} s");
+    print(&format!("     {:width$}  {seconds:>10}", "total"))?;
+    let PhotonCounts { emitted, stored } = forecast.photons;
+    if emitted > 0 {
+        print(&format!(
+            "     {:width$}  {emitted} emitted, about {stored} kept",
+            "photons of all passes"
+        ))?;
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -249,6 +249,35 @@ impl<S: Spectrum> World<S> {
         })
     }
 
+    /// The grids of all media.
+    fn fields(&self) -> impl Iterator<Item = &GridField> {
+        self.media.iter().flat_map(|medium| {
+            let density = match &medium.field {
+                Field::Grid(field) => Some(&**field),
+                Field::Constant { .. } => None,
+            };
+            let emission = medium.emission.as_ref();
+            density.into_iter().chain(emission.map(|e| &e.temperature))
+        })
+    }
+
+    /// Bytes that the values of grids take in memory.
+    #[must_use]
+    pub fn grid_bytes(&self) -> usize {
+        self.fields().map(|f| f.grid.memory_bytes()).sum()
+    }
+
+    /// Bytes that bounds over grids and surfaces take in memory.
+    #[must_use]
+    pub fn structure_bytes(&self) -> usize {
+        let surfaces = self.surfaces.as_ref().map_or(0, Surfaces::memory_bytes);
+        surfaces
+            + self
+                .fields()
+                .map(|f| f.majorants.memory_bytes())
+                .sum::<usize>()
+    }
+
     /// The media of a place, and the index of the first of them.
     #[inline]
     #[must_use]

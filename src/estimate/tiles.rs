@@ -180,6 +180,13 @@ impl Bands {
         Self { entries }
     }
 
+    /// Bytes that the bands take in memory, as allocated.
+    #[must_use]
+    pub fn memory_bytes(&self) -> usize {
+        let bands = self.entries.iter().flatten();
+        bands.map(|b| b.capacity() * size_of::<Entry>()).sum()
+    }
+
     /// The photons of each tile of a band.
     #[must_use]
     pub fn tiles(&self, band: u32, grid: &TileGrid) -> BandTiles {

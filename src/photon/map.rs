@@ -47,6 +47,14 @@ impl<S: Copy, H: Copy> PhotonMap<S, H> {
         Self { photons, bvh }
     }
 
+    /// Bytes that photons and hierarchy take in memory, as allocated.
+    #[must_use]
+    pub fn memory_bytes(&self) -> usize {
+        self.photons.capacity() * size_of::<Photon<S, H>>()
+            + size_of_val(&self.bvh.nodes[..])
+            + size_of_val(&self.bvh.primitive_indices[..])
+    }
+
     /// Number of photons.
     #[must_use]
     pub fn len(&self) -> usize {

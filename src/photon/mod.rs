@@ -141,6 +141,13 @@ impl<S: Spectrum, H: Heading> Photons<S, H> {
         }
     }
 
+    /// Bytes that the deposits take in memory.
+    #[must_use]
+    pub fn memory_bytes(&self) -> usize {
+        (self.first.len() + self.higher.len()) * size_of::<Photon<S, H>>()
+            + self.surface.len() * size_of::<SurfacePhoton<S>>()
+    }
+
     /// Deposits of all orders, in media and on surfaces.
     #[must_use]
     pub fn stored(&self) -> usize {

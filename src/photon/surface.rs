@@ -58,6 +58,12 @@ impl<S: Spectrum> SurfaceMap<S> {
         Self { photons, axes }
     }
 
+    /// Bytes that the map takes in memory, as allocated.
+    #[must_use]
+    pub fn memory_bytes(&self) -> usize {
+        self.photons.capacity() * size_of::<SurfacePhoton<S>>() + self.axes.capacity()
+    }
+
     /// Number of photons.
     #[must_use]
     pub fn len(&self) -> usize {

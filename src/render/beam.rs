@@ -9,13 +9,13 @@ use super::pilot::Radii;
 use super::{Job, Tally};
 use crate::estimate::beam;
 use crate::estimate::chain::{Chain, Link};
-use crate::estimate::tiles::{Bands, TILE, TILE_RAYS, TileRays};
+use crate::estimate::tiles::{BandTiles, Bands, TILE, TILE_RAYS, TileRays};
 use crate::film::Sample;
 use crate::march::Profile;
 use crate::photon::map::PhotonMap;
 use crate::photon::radius::radius_scale;
 use crate::photon::surface::{SurfaceGather, SurfaceMap};
-use crate::photon::{Heading, Photon, TraceSettings, trace_photons};
+use crate::photon::{Heading, Photon, Photons, TraceSettings, trace_photons};
 use crate::rng::{Rng, Stage};
 use crate::spectrum::Spectrum;
 use crate::tracking::{Counters, Sampler};
@@ -28,57 +28,20 @@ pub(super) fn pass<S: Spectrum, H: Heading>(
     tally: &mut Tally,
 ) -> Vec<Sample> {
     let settings = &job.scene.settings;
-    let mut photons = [Vec::new(), Vec::new()];
-    let mut on_surfaces = None;
+    let mut traced = None;
     if let Some(radii) = radii {
         let clock = Instant::now();
         job.exec.progress.stage("photons", None);
-        let trace = TraceSettings {
-            rate: &radii.rate,
-            emit: settings.photons,
-            seed: settings.seed,
-            stage: Stage::Photon,
-            pass: pass.into(),
-            direct: settings.direct,
-            surface_photons: job.plan.surface_photons,
-        };
-        let traced = trace_photons::<S, H>(&job.world, &trace);
-        tally.photons.emitted += traced.emitted;
-        tally.photons.stored += traced.stored() as u64;
-        tally.counters += traced.counters;
-        tally.energy += traced.energy;
+        let photons = trace::<S, H>(job, radii, settings.photons, Stage::Photon, pass);
+        tally.photons.emitted += photons.emitted;
+        tally.photons.stored += photons.stored() as u64;
+        tally.counters += photons.counters;
+        tally.energy += photons.energy;
+        traced = Some((photons, radii));
         tally.times.photons += clock.elapsed().as_secs_f64();
-
-        let clock = Instant::now();
-        let scale = radius_scale(pass, 2);
-        photons = [traced.first, traced.higher];
-        on_surfaces = radii.surfaces.as_ref().map(|radius| SurfaceGather {
-            map: SurfaceMap::new(traced.surface),
-            radius,
-            scale,
-        });
-        for photon in &mut photons {
-            photon.par_iter_mut().for_each(|p| {
-                let radius = radii.media.at(p.position);
-                p.radius = radius.min(radii.rate.reach(p.position)) * scale;
-            });
-        }
-        tally.times.map += clock.elapsed().as_secs_f64();
     }
     let clock = Instant::now();
-    let pinhole = job.world.camera.is_pinhole();
-    let maps = (!pinhole || job.plan.follow).then(|| photons.clone().map(PhotonMap::new));
-    let tiles = pinhole.then(|| {
-        photons.map(|photons| {
-            let bands = Bands::new(&photons, &job.world.camera, &job.grid);
-            (photons, bands)
-        })
-    });
-    let gather = Gather {
-        tiles,
-        maps,
-        surface: on_surfaces,
-    };
+    let gather = Gather::new(job, traced, radius_scale(pass, 2));
     tally.times.map += clock.elapsed().as_secs_f64();
 
     let clock = Instant::now();
@@ -103,17 +66,84 @@ pub(super) fn pass<S: Spectrum, H: Heading>(
     samples
 }
 
+/// Traces `emit` photons of a pass.
+pub(super) fn trace<S: Spectrum, H: Heading>(
+    job: &Job<'_, S>,
+    radii: &Radii<S>,
+    emit: u64,
+    stage: Stage,
+    pass: u32,
+) -> Photons<S, H> {
+    let settings = &job.scene.settings;
+    let trace = TraceSettings {
+        rate: &radii.rate,
+        emit,
+        seed: settings.seed,
+        stage,
+        pass: pass.into(),
+        direct: settings.direct,
+        surface_photons: job.plan.surface_photons,
+    };
+    trace_photons::<S, H>(job.world, &trace)
+}
+
 /// Photons, and the bands of the picture that they fall into.
 type Banded<S, H> = (Vec<Photon<S, H>>, Bands);
 
 /// The photons of a pass, those in media of first order and of higher ones.
-struct Gather<'a, S, H> {
+pub(super) struct Gather<'a, S, H> {
     /// For camera rays from one point, in tiles.
     tiles: Option<[Banded<S, H>; 2]>,
     /// For rays from anywhere, one by one: with a lens, and beyond mirrors and lenses.
     maps: Option<[PhotonMap<S, H>; 2]>,
     /// On surfaces.
     surface: Option<SurfaceGather<'a, S>>,
+}
+
+impl<'a, S: Spectrum, H: Heading> Gather<'a, S, H> {
+    /// Gives photons their radii, those of the pilot times `scale`, and sorts them.
+    pub(super) fn new(
+        job: &Job<'_, S>,
+        traced: Option<(Photons<S, H>, &'a Radii<S>)>,
+        scale: f32,
+    ) -> Self {
+        let mut photons = [Vec::new(), Vec::new()];
+        let mut surface = None;
+        if let Some((traced, radii)) = traced {
+            photons = [traced.first, traced.higher];
+            for photon in &mut photons {
+                photon.par_iter_mut().for_each(|p| {
+                    let radius = radii.media.at(p.position);
+                    p.radius = radius.min(radii.rate.reach(p.position)) * scale;
+                });
+            }
+            surface = radii.surfaces.as_ref().map(|radius| SurfaceGather {
+                map: SurfaceMap::new(traced.surface),
+                radius,
+                scale,
+            });
+        }
+        let pinhole = job.world.camera.is_pinhole();
+        Self {
+            maps: (!pinhole || job.plan.follow).then(|| photons.clone().map(PhotonMap::new)),
+            tiles: pinhole.then(|| {
+                photons.map(|photons| {
+                    let bands = Bands::new(&photons, &job.world.camera, &job.grid);
+                    (photons, bands)
+                })
+            }),
+            surface,
+        }
+    }
+
+    /// Bytes that sorting takes in memory, the photons that tiles hold left out.
+    pub(super) fn memory_bytes(&self) -> usize {
+        let tiles = self.tiles.iter().flatten();
+        let maps = self.maps.iter().flatten();
+        tiles.map(|(_, bands)| bands.memory_bytes()).sum::<usize>()
+            + maps.map(PhotonMap::memory_bytes).sum::<usize>()
+            + self.surface.as_ref().map_or(0, |s| s.map.memory_bytes())
+    }
 }
 
 /// One band of eight rows of pixels.
@@ -125,33 +155,83 @@ fn gather_band<S: Spectrum, H: Heading>(
     rays: &mut TileRays<S, H>,
 ) -> (Vec<Sample>, Counters) {
     let grid = &job.grid;
-    rays.kernel = job.scene.settings.kernel;
-    rays.salt = pass.wrapping_mul(0x9e37_79b9);
     let spp = job.scene.settings.spp;
     let width = grid.high[0] - grid.low[0];
     let rows = (grid.high[1] - grid.low[1] - band * TILE).min(TILE);
     let mut samples = vec![Sample::NOTHING; (width * rows) as usize];
     let mut counters = Counters::default();
-    let tiles = gather
-        .tiles
-        .as_ref()
-        .map(|maps| maps.each_ref().map(|(_, bands)| bands.tiles(band, grid)));
-    let chain = job.world.surfaces.as_ref().map(|surfaces| Chain {
-        world: &job.world,
-        surfaces,
-        lights: &job.lights,
-        maps: gather.maps.as_ref(),
-        photons: gather.surface.as_ref(),
-        kernel: job.scene.settings.kernel,
-        march: job.scene.settings.march,
-        direct: job.plan.direct,
-        emission: job.plan.emission,
-    });
-    let mut scratch = Profile::default();
-    let compartment = job.world.compartment(&job.world.camera_inside);
+    let mut band = Band::new(job, gather, band, pass);
     for column in 0..grid.columns() {
+        let sums = band.tile(column, rays, &mut counters);
+        for (i, sum) in sums.iter().enumerate() {
+            let (x, y) = (column * TILE + i as u32 % TILE, i as u32 / TILE);
+            if x < width && y < rows {
+                samples[(y * width + x) as usize] = sum.mean(spp);
+            }
+        }
+    }
+    (samples, counters)
+}
+
+/// A band of eight rows of pixels at work.
+pub(super) struct Band<'a, S, H> {
+    job: &'a Job<'a, S>,
+    gather: &'a Gather<'a, S, H>,
+    band: u32,
+    pass: u32,
+    tiles: Option<[BandTiles; 2]>,
+    chain: Option<Chain<'a, S, H>>,
+    scratch: Profile<S>,
+}
+
+impl<'a, S: Spectrum, H: Heading> Band<'a, S, H> {
+    pub(super) fn new(
+        job: &'a Job<'a, S>,
+        gather: &'a Gather<'a, S, H>,
+        band: u32,
+        pass: u32,
+    ) -> Self {
+        let settings = &job.scene.settings;
+        Self {
+            job,
+            gather,
+            band,
+            pass,
+            tiles: gather.tiles.as_ref().map(|maps| {
+                maps.each_ref()
+                    .map(|(_, bands)| bands.tiles(band, &job.grid))
+            }),
+            chain: job.world.surfaces.as_ref().map(|surfaces| Chain {
+                world: job.world,
+                surfaces,
+                lights: job.lights,
+                maps: gather.maps.as_ref(),
+                photons: gather.surface.as_ref(),
+                kernel: settings.kernel,
+                march: settings.march,
+                direct: job.plan.direct,
+                emission: job.plan.emission,
+            }),
+            scratch: Profile::default(),
+        }
+    }
+
+    /// The rays of one tile: a sum for each of its pixels, row by row.
+    pub(super) fn tile(
+        &mut self,
+        column: u32,
+        rays: &mut TileRays<S, H>,
+        counters: &mut Counters,
+    ) -> [Sum; TILE_RAYS] {
+        let (job, gather, band) = (self.job, self.gather, self.band);
+        let (grid, settings) = (&job.grid, &job.scene.settings);
+        rays.kernel = settings.kernel;
+        rays.salt = self.pass.wrapping_mul(0x9e37_79b9);
+        let width = grid.high[0] - grid.low[0];
+        let rows = (grid.high[1] - grid.low[1] - band * TILE).min(TILE);
+        let compartment = job.world.compartment(&job.world.camera_inside);
         let mut sum = [Sum::default(); TILE_RAYS];
-        for s in 0..spp {
+        for s in 0..settings.spp {
             let mut used = [false; TILE_RAYS];
             let mut photon_sums = [[S::ZERO; TILE_RAYS]; 2];
             for i in 0..TILE_RAYS {
@@ -162,26 +242,22 @@ fn gather_band<S: Spectrum, H: Heading>(
                 used[i] = true;
                 let pixel = [grid.low[0] + x, grid.low[1] + band * TILE + y];
                 let index = u64::from(pixel[1]) << 32 | u64::from(pixel[0]);
-                let stream = u64::from(pass) * u64::from(spp) + u64::from(s);
-                let mut sampler = Sampler::new(Rng::stream(
-                    job.scene.settings.seed,
-                    Stage::Camera,
-                    stream,
-                    index,
-                ));
+                let stream = u64::from(self.pass) * u64::from(settings.spp) + u64::from(s);
+                let mut sampler =
+                    Sampler::new(Rng::stream(settings.seed, Stage::Camera, stream, index));
                 let (ray, profile) = (&mut rays.rays[i], &mut rays.profiles[i]);
                 let hit = camera_ray(job, pixel, ray, profile, &mut sum[i], &mut sampler);
-                if let (Some(chain), Some(hit)) = (&chain, hit) {
+                if let (Some(chain), Some(hit)) = (&self.chain, hit) {
                     let tr = rays.profiles[i].transmittance;
-                    let link = Link::first(&job.world, &rays.rays[i], hit, tr);
+                    let link = Link::first(job.world, &rays.rays[i], hit, tr);
                     chain
-                        .follow(link, &mut scratch, &mut sampler)
+                        .follow(link, &mut self.scratch, &mut sampler)
                         .add_to(&mut sum[i].sample);
                 }
                 if let (Some(maps), None) = (&gather.maps, &gather.tiles) {
                     for (map, photons) in maps.iter().zip(&mut photon_sums) {
                         photons[i] += beam::radiance(
-                            job.scene.settings.kernel,
+                            settings.kernel,
                             &job.world.media,
                             map,
                             &rays.profiles[i],
@@ -191,9 +267,9 @@ fn gather_band<S: Spectrum, H: Heading>(
                         );
                     }
                 }
-                counters += sampler.counters;
+                *counters += sampler.counters;
             }
-            if let (Some(maps), Some(tiles)) = (&gather.tiles, &tiles) {
+            if let (Some(maps), Some(tiles)) = (&gather.tiles, &self.tiles) {
                 rays.arrange(&used);
                 for ((photons, _), (tile, sums)) in
                     maps.iter().zip(tiles.iter().zip(&mut photon_sums))
@@ -204,21 +280,18 @@ fn gather_band<S: Spectrum, H: Heading>(
                         photons,
                         tile.tile(column),
                         sums,
-                        &mut counters,
+                        counters,
                     );
                 }
             }
-            for i in 0..TILE_RAYS {
-                sum[i].sample.direct += photon_sums[0][i].to_rgb();
-                sum[i].sample.indirect += photon_sums[1][i].to_rgb();
+            for (sum, (first, higher)) in sum
+                .iter_mut()
+                .zip(photon_sums[0].iter().zip(&photon_sums[1]))
+            {
+                sum.sample.direct += first.to_rgb();
+                sum.sample.indirect += higher.to_rgb();
             }
         }
-        for (i, sum) in sum.iter().enumerate() {
-            let (x, y) = (column * TILE + i as u32 % TILE, i as u32 / TILE);
-            if x < width && y < rows {
-                samples[(y * width + x) as usize] = sum.mean(spp);
-            }
-        }
+        sum
     }
-    (samples, counters)
 }

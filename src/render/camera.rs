@@ -56,7 +56,7 @@ pub(super) fn camera_ray<S: Spectrum>(
     sum: &mut Sum,
     sampler: &mut Sampler,
 ) -> Option<Hit> {
-    let world = &job.world;
+    let world = job.world;
     let [jx, jy] = sampler.uniform2();
     let lens = if world.camera.is_pinhole() {
         [0.0; 2]

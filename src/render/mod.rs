@@ -8,12 +8,14 @@
 
 mod beam;
 mod camera;
+mod forecast;
 mod path;
 mod pilot;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use glam::Vec3;
 use thiserror::Error;
 
 use crate::effects::EffectPlan;
@@ -29,6 +31,8 @@ use crate::spectrum::Spectrum;
 use crate::surface::Surfaces;
 use crate::tracking::Counters;
 use crate::world::{LoadedVolume, World};
+
+pub use forecast::Forecast;
 
 /// How to render; changes nothing in the picture.
 #[derive(Clone, Copy)]
@@ -142,11 +146,20 @@ fn planned(
     start: Instant,
 ) -> Result<Rendered, RenderError> {
     let plan = EffectPlan::new(scene, &volumes);
+    let clock = Instant::now();
     let mut rendered = match (plan.chromatic, plan.headings) {
-        (false, false) => run::<f32, ()>(scene, volumes, &plan, exec, start),
-        (false, true) => run::<f32, Packed>(scene, volumes, &plan, exec, start),
-        (true, false) => run::<glam::Vec3, ()>(scene, volumes, &plan, exec, start),
-        (true, true) => run::<glam::Vec3, Packed>(scene, volumes, &plan, exec, start),
+        (false, false) => in_world(scene, volumes, &plan, exec, |job| {
+            run::<f32, ()>(job, clock, start)
+        }),
+        (false, true) => in_world(scene, volumes, &plan, exec, |job| {
+            run::<f32, Packed>(job, clock, start)
+        }),
+        (true, false) => in_world(scene, volumes, &plan, exec, |job| {
+            run::<Vec3, ()>(job, clock, start)
+        }),
+        (true, true) => in_world(scene, volumes, &plan, exec, |job| {
+            run::<Vec3, Packed>(job, clock, start)
+        }),
     }?;
     exec.progress.finish();
     rendered.report.threads = rayon::current_num_threads();
@@ -155,14 +168,49 @@ fn planned(
     Ok(rendered)
 }
 
-/// The effect plan of a scene, without rendering it.
+/// The effect plan of a scene and what its stages should cost, without rendering it.
 ///
 /// # Errors
-/// [`RenderError`] where a volume cannot be read.
-pub fn plan(scene: &Scene, warn: &dyn Fn(&str)) -> Result<EffectPlan, RenderError> {
-    check_supported(scene)?;
-    let volumes = load_volumes(scene, warn)?;
-    Ok(EffectPlan::new(scene, &volumes))
+/// [`RenderError`]: a volume that cannot be read, or what this version does not render.
+pub fn plan(scene: &Scene, exec: &Exec<'_>) -> Result<(EffectPlan, Forecast), RenderError> {
+    pool(exec)?.install(|| {
+        let start = Instant::now();
+        check_supported(scene)?;
+        let volumes = load_volumes(scene, exec.warn)?;
+        let load = start.elapsed().as_secs_f64();
+        plan_loaded(scene, volumes, exec).map(|(plan, mut forecast)| {
+            forecast.stages[0].seconds_estimate = Some(load);
+            (plan, forecast)
+        })
+    })
+}
+
+/// As [`plan`], of volumes that are in memory already.
+///
+/// # Errors
+/// [`RenderError`]: what this version does not render.
+pub fn plan_loaded(
+    scene: &Scene,
+    volumes: Vec<LoadedVolume>,
+    exec: &Exec<'_>,
+) -> Result<(EffectPlan, Forecast), RenderError> {
+    let plan = EffectPlan::new(scene, &volumes);
+    let clock = Instant::now();
+    let forecast = match (plan.chromatic, plan.headings) {
+        (false, false) => in_world(scene, volumes, &plan, exec, |job| {
+            forecast::forecast::<f32, ()>(job, clock.elapsed())
+        }),
+        (false, true) => in_world(scene, volumes, &plan, exec, |job| {
+            forecast::forecast::<f32, Packed>(job, clock.elapsed())
+        }),
+        (true, false) => in_world(scene, volumes, &plan, exec, |job| {
+            forecast::forecast::<Vec3, ()>(job, clock.elapsed())
+        }),
+        (true, true) => in_world(scene, volumes, &plan, exec, |job| {
+            forecast::forecast::<Vec3, Packed>(job, clock.elapsed())
+        }),
+    }?;
+    Ok((plan, forecast))
 }
 
 /// Refuses, by name, what this version does not render.
@@ -187,12 +235,40 @@ fn check_supported(scene: &Scene) -> Result<(), RenderError> {
 /// What the passes share.
 struct Job<'a, S> {
     scene: &'a Scene,
-    world: World<S>,
+    world: &'a World<S>,
     plan: &'a EffectPlan,
     exec: &'a Exec<'a>,
     /// Pixels that are rendered.
     grid: TileGrid,
-    lights: DirectLights,
+    lights: &'a DirectLights,
+}
+
+/// Builds the world of a scene, and does something in it.
+fn in_world<S: Spectrum, T>(
+    scene: &Scene,
+    volumes: Vec<LoadedVolume>,
+    plan: &EffectPlan,
+    exec: &Exec<'_>,
+    then: impl FnOnce(&Job<'_, S>) -> T,
+) -> Result<T, RenderError> {
+    let world = World::new(scene, volumes)?;
+    for warning in world.surfaces.iter().flat_map(Surfaces::warnings) {
+        (exec.warn)(&warning.to_string());
+    }
+    let lights = DirectLights::new(&world);
+    let [width, height] = scene.camera.resolution;
+    let [x0, y0, x1, y1] = scene.settings.crop.unwrap_or([0, 0, width, height]);
+    Ok(then(&Job {
+        scene,
+        world: &world,
+        plan,
+        exec,
+        grid: TileGrid {
+            low: [x0, y0],
+            high: [x1, y1],
+        },
+        lights: &lights,
+    }))
 }
 
 /// What has been done so far.
@@ -204,44 +280,19 @@ struct Tally {
     energy: Energy,
 }
 
-/// Renders in one specialised form.
-fn run<S: Spectrum, H: Heading>(
-    scene: &Scene,
-    volumes: Vec<LoadedVolume>,
-    plan: &EffectPlan,
-    exec: &Exec<'_>,
-    start: Instant,
-) -> Result<Rendered, RenderError> {
+/// Renders in one specialised form, in a world begun at `build`; the whole began at `start`.
+fn run<S: Spectrum, H: Heading>(job: &Job<'_, S>, build: Instant, start: Instant) -> Rendered {
+    let (scene, exec) = (job.scene, job.exec);
     let settings = &scene.settings;
     let [width, height] = scene.camera.resolution;
-    let [x0, y0, x1, y1] = settings.crop.unwrap_or([0, 0, width, height]);
     let mut tally = Tally::default();
-    let clock = Instant::now();
-    let world = World::new(scene, volumes)?;
-    for warning in world.surfaces.iter().flat_map(Surfaces::warnings) {
-        (exec.warn)(&warning.to_string());
-    }
-    tally.times.build = clock.elapsed().as_secs_f64();
-    let lights = DirectLights::new(&world);
-    let grid = TileGrid {
-        low: [x0, y0],
-        high: [x1, y1],
-    };
-    let job = Job {
-        scene,
-        world,
-        plan,
-        exec,
-        grid,
-        lights,
-    };
+    tally.times.build = build.elapsed().as_secs_f64();
     let mut film = Film::new(width, height, settings.crop);
 
-    let radii = if plan.photons {
-        Some(pilot::radii::<S, H>(&job, &mut tally))
-    } else {
-        None
-    };
+    let radii = job
+        .plan
+        .photons
+        .then(|| pilot::radii::<S, H>(job, &mut tally));
     let passes = match settings.method {
         Method::Path => settings.spp.div_ceil(path::PATHS_PER_PASS),
         Method::Beam | Method::Point => settings.passes,
@@ -263,8 +314,8 @@ fn run<S: Spectrum, H: Heading>(
             _ => {}
         }
         let samples = match (&radii, settings.method) {
-            (_, Method::Path) => path::pass(&job, pass, &mut tally),
-            (radii, _) => beam::pass::<S, H>(&job, radii.as_ref(), pass, &mut tally),
+            (_, Method::Path) => path::pass(job, pass, &mut tally),
+            (radii, _) => beam::pass::<S, H>(job, radii.as_ref(), pass, &mut tally),
         };
         film.add_pass(&samples);
         pass += 1;
@@ -294,10 +345,10 @@ fn run<S: Spectrum, H: Heading>(
         image: ImageFigures::from(&film),
         ..Report::default()
     };
-    Ok(Rendered {
+    Rendered {
         film,
         report,
         energy: tally.energy,
         stopped_early,
-    })
+    }
 }

@@ -27,36 +27,7 @@ pub(super) fn pass<S: Spectrum>(job: &Job<'_, S>, pass: u32, tally: &mut Tally) 
         .map(|y| {
             let mut counters = Counters::default();
             let row = (x0..x1)
-                .map(|x| {
-                    let index = u64::from(y) << 32 | u64::from(x);
-                    let mut sampler = Sampler::new(Rng::stream(
-                        job.scene.settings.seed,
-                        Stage::Path,
-                        pass.into(),
-                        index,
-                    ));
-                    let mut sum = Sum::default();
-                    for _ in 0..PATHS_PER_PASS {
-                        let [jx, jy] = sampler.uniform2();
-                        let lens = if job.world.camera.is_pinhole() {
-                            [0.0; 2]
-                        } else {
-                            sampler.uniform2()
-                        };
-                        let ray = job.world.camera.ray([x as f32 + jx, y as f32 + jy], lens);
-                        let path = trace_path(&job.world, ray, &mut sampler);
-                        sum.sample.direct += path.direct;
-                        sum.sample.indirect += path.indirect;
-                        sum.sample.emission += path.emission;
-                        sum.sample.alpha += path.alpha;
-                        if path.depth.is_finite() {
-                            sum.sample.depth += path.depth;
-                            sum.met += 1;
-                        }
-                    }
-                    counters += sampler.counters;
-                    sum.mean(PATHS_PER_PASS)
-                })
+                .map(|x| pixel(job, [x, y], pass, &mut counters))
                 .collect();
             job.exec.progress.advance(1);
             (row, counters)
@@ -69,4 +40,37 @@ pub(super) fn pass<S: Spectrum>(job: &Job<'_, S>, pass: u32, tally: &mut Tally) 
     }
     tally.times.gather += clock.elapsed().as_secs_f64();
     samples
+}
+
+/// The paths of one pixel in one pass.
+pub(super) fn pixel<S: Spectrum>(
+    job: &Job<'_, S>,
+    [x, y]: [u32; 2],
+    pass: u32,
+    counters: &mut Counters,
+) -> Sample {
+    let index = u64::from(y) << 32 | u64::from(x);
+    let seed = job.scene.settings.seed;
+    let mut sampler = Sampler::new(Rng::stream(seed, Stage::Path, pass.into(), index));
+    let mut sum = Sum::default();
+    for _ in 0..PATHS_PER_PASS {
+        let [jx, jy] = sampler.uniform2();
+        let lens = if job.world.camera.is_pinhole() {
+            [0.0; 2]
+        } else {
+            sampler.uniform2()
+        };
+        let ray = job.world.camera.ray([x as f32 + jx, y as f32 + jy], lens);
+        let path = trace_path(job.world, ray, &mut sampler);
+        sum.sample.direct += path.direct;
+        sum.sample.indirect += path.indirect;
+        sum.sample.emission += path.emission;
+        sum.sample.alpha += path.alpha;
+        if path.depth.is_finite() {
+            sum.sample.depth += path.depth;
+            sum.met += 1;
+        }
+    }
+    *counters += sampler.counters;
+    sum.mean(PATHS_PER_PASS)
 }

@@ -38,7 +38,7 @@ pub(super) fn radii<S: Spectrum, H: Heading>(job: &Job<'_, S>, tally: &mut Tally
         direct: settings.direct,
         surface_photons: job.plan.surface_photons,
     };
-    let few = trace_photons::<S, H>(&job.world, &trace);
+    let few = trace_photons::<S, H>(job.world, &trace);
     let deposits = few.first.len() + few.higher.len();
     let mut rate = rate.clone();
     rate.settle(deposits as f64 / trace.emit as f64);
@@ -50,7 +50,7 @@ pub(super) fn radii<S: Spectrum, H: Heading>(job: &Job<'_, S>, tally: &mut Tally
         surface,
         counters,
         ..
-    } = trace_photons::<S, H>(&job.world, &trace);
+    } = trace_photons::<S, H>(job.world, &trace);
     tally.counters += few.counters;
     tally.counters += counters;
     let positions = first.iter().chain(&higher).map(|p| p.position).collect();

@@ -123,6 +123,14 @@ impl Hierarchy {
         (hierarchy, order)
     }
 
+    /// Bytes that tree and primitives take in memory.
+    pub(super) fn memory_bytes(&self) -> usize {
+        size_of_val(&self.tree.nodes[..])
+            + size_of_val(&self.tree.primitive_indices[..])
+            + size_of_val(&self.primitives[..])
+            + size_of_val(&self.ellipsoids[..])
+    }
+
     pub(super) fn is_empty(&self) -> bool {
         self.primitives.is_empty()
     }

@@ -119,6 +119,23 @@ impl Surfaces {
         builder.finish(origin)
     }
 
+    /// Bytes that hierarchy, primitives and textures take in memory.
+    #[must_use]
+    pub fn memory_bytes(&self) -> usize {
+        let shading = self
+            .parts
+            .iter()
+            .map(|part| size_of_val(&part.normals[..]) + size_of_val(&part.uvs[..]));
+        self.hierarchy.memory_bytes()
+            + size_of_val(&self.leaves[..])
+            + shading.sum::<usize>()
+            + self
+                .textures
+                .iter()
+                .map(Texture::memory_bytes)
+                .sum::<usize>()
+    }
+
     /// True without any surface.
     #[must_use]
     pub fn is_empty(&self) -> bool {

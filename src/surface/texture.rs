@@ -43,6 +43,11 @@ pub enum TextureError {
 }
 
 impl Texture {
+    /// Bytes that the texels take in memory.
+    pub(super) fn memory_bytes(&self) -> usize {
+        size_of_val(&self.texels[..])
+    }
+
     /// Reads a PNG of any kind.
     pub(super) fn load(file: &Path) -> Result<Self, TextureError> {
         let opened = std::fs::File::open(file).map_err(|source| TextureError::Io {

@@ -448,7 +448,19 @@ fn plan_names_every_effect() {
                     chromatic heterogeneous surfaces specular_surfaces surface_photons \
                     medium_boundaries area_lights environment depth_of_field";
     assert_eq!(names.join(" "), expected);
-    assert!(plan["stages"].is_array(), "{plan}");
+    let stages = plan["stages"].as_array().unwrap();
+    let names: Vec<_> = stages.iter().map(|s| s["name"].as_str().unwrap()).collect();
+    assert_eq!(names.join(" "), "load build photons map gather output");
+    for s in stages {
+        let seconds = s["seconds_estimate"].as_f64().unwrap();
+        assert!(seconds.is_finite() && seconds >= 0.0, "{s}");
+        assert!(s["memory_bytes"].is_u64(), "{s}");
+    }
+    for (stage, scattering) in [("photons", true), ("gather", true), ("load", false)] {
+        let s = &stages[names.iter().position(|n| *n == stage).unwrap()];
+        let bytes = s["memory_bytes"].as_u64().unwrap();
+        assert_eq!(bytes > 0, scattering, "{s}: fog alone, no grid");
+    }
     for e in effects {
         assert!(!e["reason"].as_str().unwrap().is_empty(), "{e}");
     }
