@@ -203,6 +203,11 @@ impl<S: Spectrum> Profile<S> {
         tau
     }
 
+    /// Indices of the media on the ray.
+    pub fn media(&self) -> impl Iterator<Item = usize> {
+        self.media[..self.used].iter().map(|profile| profile.medium)
+    }
+
     /// Visits each medium on the ray with its extinction coefficient at t. \[1/m\]
     #[inline]
     pub fn media_at(&self, t: f32, mut visit: impl FnMut(usize, S)) {

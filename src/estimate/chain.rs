@@ -18,12 +18,12 @@
 //! `ROULETTE_BELOW`, or after [`MAX_PREFIX`] events.
 
 use crate::estimate::direct::DirectLights;
-use crate::estimate::kernel::Kernel;
-use crate::estimate::{beam, emission};
+use crate::estimate::emission;
+use crate::estimate::gather::MediaPhotons;
+use crate::estimate::point::Sphere;
 use crate::film::Sample;
 use crate::march::{Profile, transmittance};
 use crate::photon::Heading;
-use crate::photon::map::PhotonMap;
 use crate::photon::surface::SurfaceGather;
 use crate::ray::Ray;
 use crate::reference::MAX_PREFIX;
@@ -57,18 +57,34 @@ pub struct Chain<'a, S, H> {
     pub surfaces: &'a Surfaces,
     /// Lights that are sampled.
     pub lights: &'a DirectLights,
-    /// Photons in media, of first order and of higher ones.
-    pub maps: Option<&'a [PhotonMap<S, H>; 2]>,
+    /// Photons in media.
+    pub media_photons: Option<&'a MediaPhotons<'a, S, H>>,
     /// Photons on surfaces.
     pub photons: Option<&'a SurfaceGather<'a, S>>,
-    /// Kernel of the photon estimate.
-    pub kernel: Kernel,
     /// How stretches are marched.
     pub march: March,
     /// First order in media is sampled.
     pub direct: bool,
     /// Media emit.
     pub emission: bool,
+}
+
+/// Scratch of a thread.
+#[derive(Debug)]
+pub struct Scratch<S> {
+    /// Of the stretch at hand.
+    pub profile: Profile<S>,
+    /// Of the step at hand.
+    pub sphere: Sphere,
+}
+
+impl<S: Spectrum> Default for Scratch<S> {
+    fn default() -> Self {
+        Self {
+            profile: Profile::default(),
+            sphere: Sphere::default(),
+        }
+    }
 }
 
 /// A ray that has met a surface.
@@ -118,11 +134,11 @@ impl<S: Spectrum> Layers<S> {
 }
 
 impl<S: Spectrum, H: Heading> Chain<'_, S, H> {
-    /// What the camera sees beyond the first stretch. `profile` is scratch.
+    /// What the camera sees beyond the first stretch.
     pub fn follow(
         &self,
         first: Link<S>,
-        profile: &mut Profile<S>,
+        scratch: &mut Scratch<S>,
         sampler: &mut Sampler,
     ) -> Layers<S> {
         let mut sum = Layers {
@@ -138,7 +154,7 @@ impl<S: Spectrum, H: Heading> Chain<'_, S, H> {
             {
                 break;
             }
-            if !self.stretch(&mut link, profile, &mut sum, sampler) {
+            if !self.stretch(&mut link, scratch, &mut sum, sampler) {
                 break;
             }
         }
@@ -212,7 +228,7 @@ impl<S: Spectrum, H: Heading> Chain<'_, S, H> {
     fn stretch(
         &self,
         link: &mut Link<S>,
-        profile: &mut Profile<S>,
+        Scratch { profile, sphere }: &mut Scratch<S>,
         sum: &mut Layers<S>,
         sampler: &mut Sampler,
     ) -> bool {
@@ -245,19 +261,11 @@ impl<S: Spectrum, H: Heading> Chain<'_, S, H> {
                         .lights
                         .radiance(world, &ray, &link.inside, profile, sampler);
             }
-            if let Some([first, higher]) = self.maps {
-                for (map, layer) in [(first, &mut sum.direct), (higher, &mut sum.indirect)] {
-                    *layer += link.throughput
-                        * beam::radiance(
-                            self.kernel,
-                            &world.media,
-                            map,
-                            profile,
-                            &ray,
-                            world.compartment(&link.inside),
-                            &mut sampler.counters,
-                        );
-                }
+            if let Some(photons) = self.media_photons {
+                let [first, higher] =
+                    photons.radiance(world, &ray, &link.inside, profile, sphere, sampler);
+                sum.direct += link.throughput * first;
+                sum.indirect += link.throughput * higher;
             }
         }
         link.throughput *= profile.transmittance;

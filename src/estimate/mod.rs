@@ -8,7 +8,9 @@
 //! |---|---|
 //! | `direct` | first order, sampled at points along the ray |
 //! | `beam` | photons along the ray: beam radiance estimate, per ray |
-//! | `tiles` | the same for 8 x 8 camera rays at a time |
+//! | `point` | photons in spheres at the steps of a march |
+//! | `gather` | the one or the other, for rays of any origin |
+//! | `tiles` | the beam estimate for 8 x 8 camera rays at a time |
 //! | `emission` | light emitted along the ray |
 //! | `chain` | beyond the first surface: what a hit sends back, mirrors and lenses |
 //! | `kernel` | kernels |
@@ -19,5 +21,7 @@ pub mod beam;
 pub mod chain;
 pub mod direct;
 pub mod emission;
+pub mod gather;
 pub mod kernel;
+pub mod point;
 pub mod tiles;

@@ -28,6 +28,7 @@
 
 pub mod deposit;
 mod heading;
+pub(crate) mod kdtree;
 pub mod map;
 pub mod radius;
 pub mod surface;

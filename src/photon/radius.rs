@@ -26,19 +26,18 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::kdtree::{KdTree, Nearest, Plane};
+
 /// Neighbours asked of the pilot photons. Fewer: radii that jump from leaf to leaf, which shows as
 /// a faint lattice in smooth light; more: radii blind to fine density. Distances scatter by
 /// 1 / (3 sqrt(k')), here 4 %.
 pub const PILOT_NEIGHBOURS: usize = 64;
 
-/// Pilot photons in a leaf.
-const LEAF: usize = 8;
-
 /// The radius at every point of the world.
 #[derive(Debug, Clone)]
 pub struct RadiusField {
     /// Split planes of a complete binary tree, root first: axis and coordinate.
-    splits: Vec<(u8, f32)>,
+    splits: Vec<Plane>,
     /// Radius of each leaf, left to right. \[m\]
     radii: Vec<f32>,
 }
@@ -47,7 +46,7 @@ impl RadiusField {
     /// The field from the positions of `pilots`, for `wanted` neighbours among `ratio` times as
     /// many photons, no radius outside `limits` \[m\].
     #[must_use]
-    pub fn new(mut pilots: Vec<Vec3>, wanted: f32, ratio: f32, limits: [f32; 2]) -> Self {
+    pub fn new(pilots: Vec<Vec3>, wanted: f32, ratio: f32, limits: [f32; 2]) -> Self {
         let [low, high] = limits;
         let clamp = |r: f32| if r > 0.0 { r.clamp(low, high) } else { high };
         if pilots.is_empty() {
@@ -56,27 +55,27 @@ impl RadiusField {
                 radii: vec![high],
             };
         }
-        let levels = pilots.len().div_ceil(LEAF).next_power_of_two().ilog2();
-        let mut splits = vec![(0u8, 0.0f32); (1 << levels) - 1];
-        split(&mut pilots, 0, &mut splits);
         let near = PILOT_NEIGHBOURS.min(pilots.len() - 1).max(1);
         let scale = (wanted / near as f32 / ratio).cbrt();
-        let tree = Tree {
-            splits: &splits,
-            points: &pilots,
-            levels,
-        };
-        let radii = (0..1usize << levels)
+        let tree = KdTree::new(pilots);
+        let radii = (0..tree.leaves())
             .into_par_iter()
-            .map(|leaf| {
+            .map_init(Nearest::default, |nearest, leaf| {
                 let points = tree.leaf(leaf);
                 let Some(middle) = points.get(points.len() / 2) else {
                     return high;
                 };
-                clamp(tree.neighbour_distance(*middle, near) * scale)
+                // One more than asked: the point finds itself.
+                nearest.begin(near + 1, f32::INFINITY);
+                tree.search(*middle, nearest);
+                let farthest = nearest.finish().iter().fold(0.0f32, |d2, f| d2.max(f.0));
+                clamp(farthest.sqrt() * scale)
             })
             .collect();
-        Self { splits, radii }
+        Self {
+            splits: tree.planes,
+            radii,
+        }
     }
 
     /// The radius of a photon at `p`. \[m\]
@@ -97,108 +96,6 @@ impl RadiusField {
         self.radii
             .iter()
             .fold([f32::MAX, 0.0], |[a, b], r| [a.min(*r), b.max(*r)])
-    }
-}
-
-/// Where the points of `node`'s left child end, as the tree is split in halves.
-fn half(count: usize) -> usize {
-    count / 2
-}
-
-/// Sorts points into the tree below `node`, along the longest axis at each split.
-fn split(points: &mut [Vec3], node: usize, splits: &mut [(u8, f32)]) {
-    if node >= splits.len() {
-        return;
-    }
-    let (low, high) = points
-        .iter()
-        .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(a, b), p| {
-            (a.min(*p), b.max(*p))
-        });
-    let size = high - low;
-    let axis = if size.x >= size.y && size.x >= size.z {
-        0
-    } else {
-        usize::from(size.z > size.y) + 1
-    };
-    let middle = half(points.len());
-    if middle < points.len() {
-        points.select_nth_unstable_by(middle, |a, b| a[axis].total_cmp(&b[axis]));
-        splits[node] = (axis as u8, points[middle][axis]);
-    }
-    let (left, right) = points.split_at_mut(middle);
-    split(left, 2 * node + 1, splits);
-    split(right, 2 * node + 2, splits);
-}
-
-/// The pilots, for nearest-neighbour queries.
-struct Tree<'a> {
-    splits: &'a [(u8, f32)],
-    points: &'a [Vec3],
-    levels: u32,
-}
-
-impl Tree<'_> {
-    /// Points of a leaf.
-    fn leaf(&self, leaf: usize) -> &[Vec3] {
-        let (mut start, mut count) = (0, self.points.len());
-        for level in (0..self.levels).rev() {
-            let left = half(count);
-            if leaf >> level & 1 == 0 {
-                count = left;
-            } else {
-                start += left;
-                count -= left;
-            }
-        }
-        &self.points[start..start + count]
-    }
-
-    /// Distance from `p`, itself a point, to its `near`-th nearest other one; 0 where they coincide.
-    fn neighbour_distance(&self, p: Vec3, near: usize) -> f32 {
-        // One more than asked: the point finds itself.
-        let mut nearest: Vec<f32> = Vec::with_capacity(near + 2);
-        self.search(p, 0, 0, self.points.len(), near + 1, &mut nearest);
-        nearest.last().map_or(0.0, |d2| d2.sqrt())
-    }
-
-    /// Keeps the squared distances of the `keep` nearest points below a node, in order.
-    fn search(
-        &self,
-        p: Vec3,
-        node: usize,
-        start: usize,
-        count: usize,
-        keep: usize,
-        nearest: &mut Vec<f32>,
-    ) {
-        if node >= self.splits.len() {
-            for point in &self.points[start..start + count] {
-                let d2 = point.distance_squared(p);
-                if nearest.len() < keep || nearest.last().is_some_and(|worst| d2 < *worst) {
-                    let at = nearest.partition_point(|d| *d <= d2);
-                    nearest.insert(at, d2);
-                    nearest.truncate(keep);
-                }
-            }
-            return;
-        }
-        let (axis, plane) = self.splits[node];
-        let left = half(count);
-        let gap = p[axis as usize] - plane;
-        let children = [
-            (2 * node + 1, start, left),
-            (2 * node + 2, start + left, count - left),
-        ];
-        let (near_child, far_child) = if gap < 0.0 {
-            (children[0], children[1])
-        } else {
-            (children[1], children[0])
-        };
-        self.search(p, near_child.0, near_child.1, near_child.2, keep, nearest);
-        if nearest.len() < keep || nearest.last().is_some_and(|worst| gap * gap < *worst) {
-            self.search(p, far_child.0, far_child.1, far_child.2, keep, nearest);
-        }
     }
 }
 
@@ -256,29 +153,6 @@ mod tests {
                     pilots.len()
                 );
             }
-        }
-    }
-
-    #[test]
-    fn neighbour_distances_equal_brute_force() {
-        let points = cube(500, 1.0);
-        let mut sorted = points.clone();
-        let levels = sorted.len().div_ceil(LEAF).next_power_of_two().ilog2();
-        let mut splits = vec![(0u8, 0.0f32); (1 << levels) - 1];
-        split(&mut sorted, 0, &mut splits);
-        let tree = Tree {
-            splits: &splits,
-            points: &sorted,
-            levels,
-        };
-        for p in &points {
-            let mut all: Vec<f32> = points.iter().map(|q| q.distance_squared(*p)).collect();
-            all.sort_by(f32::total_cmp);
-            assert_eq!(
-                tree.neighbour_distance(*p, 12),
-                all[12].sqrt(),
-                "12th neighbour of {p}"
-            );
         }
     }
 

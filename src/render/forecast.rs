@@ -9,7 +9,7 @@
 //! ```
 //!
 //! A ray pierces n pi r^2 photons per unit of volume and length: with radii times sqrt(n / n'), as
-//! many of the n' as it will of the n. m is the mean over the passes of their squared radii over
+//! many of the n' as it will of the n; spheres hold n r^3. m is the mean over the passes of their squared radii over
 //! those of the first. Tiles are spread over the picture by the golden ratio. Memory is what the
 //! calibration holds, in the same proportions.
 //!
@@ -20,7 +20,7 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
-use super::beam::{Band, Gather, trace};
+use super::photons::{Band, Gather, blur_dimension, trace};
 use super::pilot::Radii;
 use super::{Job, Tally, path, pilot};
 use crate::estimate::tiles::{TILE, TileRays};
@@ -95,7 +95,7 @@ pub(super) fn forecast<S: Spectrum, H: Heading>(job: &Job<'_, S>, build: Duratio
         counts.emitted = settings.photons * u64::from(settings.passes);
         counts.stored = (passes * ratio * photons.stored() as f64) as u64;
         let clock = Instant::now();
-        let sorted = Gather::new(job, Some((photons.clone(), radii)), 1.0);
+        let sorted = Gather::new(job, Some((photons.clone(), radii)), [1.0; 2]);
         map.seconds = tally.times.map + passes * ratio * clock.elapsed().as_secs_f64();
         map.bytes = ratio * sorted.memory_bytes() as f64;
         Few {
@@ -173,7 +173,7 @@ fn beams<S: Spectrum, H: Heading>(job: &Job<'_, S>, few: Option<Few<'_, S, H>>) 
                 .collect()
         })
     };
-    let without = tiles(&Gather::new(job, None, 1.0));
+    let without = tiles(&Gather::new(job, None, [1.0; 2]));
     let Some(Few {
         photons,
         radii,
@@ -182,13 +182,12 @@ fn beams<S: Spectrum, H: Heading>(job: &Job<'_, S>, few: Option<Few<'_, S, H>>) 
     else {
         return without;
     };
-    let with = tiles(&Gather::new(
-        job,
-        Some((photons, radii)),
-        ratio.sqrt() as f32,
-    ));
+    let dimension = blur_dimension(job.scene.settings.method);
+    let scale = ratio.powf(1.0 / f64::from(dimension)) as f32;
+    let with = tiles(&Gather::new(job, Some((photons, radii)), [scale, 1.0]));
     let passes = job.scene.settings.passes.clamp(1, MOST_PASSES);
-    let squares = (0..passes).map(|pass| f64::from(radius_scale(pass, 2)).powi(2));
+    let squares =
+        (0..passes).map(|pass| f64::from(radius_scale(pass, dimension)).powi(dimension as i32));
     let mean = squares.sum::<f64>() / f64::from(passes);
     Looked {
         seconds: without.seconds + (with.seconds - without.seconds).max(0.0) * mean,

@@ -1,15 +1,15 @@
 //! Passes over the picture: photons, map, camera rays, film.
 //!
-//! A beam pass (`beam`) traces fresh photons, gives each its radius, sorts them into tiles and
-//! walks the tiles in parallel; passes are independent and their average is consistent, since
+//! A photon pass (`photons`) traces fresh photons, gives each its radius, sorts them into tiles
+//! (or trees) and walks the tiles in parallel; passes are independent and their average is consistent, since
 //! radii shrink from pass to pass (`photon::radius`). A path pass (`path`) traces a few paths
 //! through every pixel. The streams of random numbers belong to photons and pixels, and every sum
 //! has one order: the number of threads changes nothing.
 
-mod beam;
 mod camera;
 mod forecast;
 mod path;
+mod photons;
 mod pilot;
 
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -224,11 +224,6 @@ fn check_supported(scene: &Scene) -> Result<(), RenderError> {
             "sky light: pictures of the sky are not rendered yet".to_owned(),
         ));
     }
-    if scene.settings.method == Method::Point {
-        return Err(RenderError::Unsupported(
-            "method 'point' is not rendered yet".to_owned(),
-        ));
-    }
     Ok(())
 }
 
@@ -315,7 +310,7 @@ fn run<S: Spectrum, H: Heading>(job: &Job<'_, S>, build: Instant, start: Instant
         }
         let samples = match (&radii, settings.method) {
             (_, Method::Path) => path::pass(job, pass, &mut tally),
-            (radii, _) => beam::pass::<S, H>(job, radii.as_ref(), pass, &mut tally),
+            (radii, _) => photons::pass::<S, H>(job, radii.as_ref(), pass, &mut tally),
         };
         film.add_pass(&samples);
         pass += 1;
@@ -324,12 +319,7 @@ fn run<S: Spectrum, H: Heading>(job: &Job<'_, S>, build: Instant, start: Instant
     let counters = tally.counters;
     let report = Report {
         scene: scene.name.clone(),
-        method: match settings.method {
-            Method::Beam => "beam",
-            Method::Point => "point",
-            Method::Path => "path",
-        }
-        .to_owned(),
+        method: settings.method.name().to_owned(),
         resolution: scene.camera.resolution,
         seed: settings.seed,
         passes: film.passes(),

@@ -106,6 +106,15 @@ pub enum March {
     Step(f64),
 }
 
+/// Which photons the point estimate counts at a step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Search {
+    /// The `neighbours` nearest ones.
+    Nearest,
+    /// Those within their own radius.
+    Radius,
+}
+
 /// What changes the image; execution (threads, progress) is elsewhere.
 #[derive(Debug, Clone)]
 pub struct Settings {
@@ -125,8 +134,10 @@ pub struct Settings {
     pub march: March,
     /// Kernel.
     pub kernel: Kernel,
-    /// Photons within the radius of a photon.
+    /// Photons within the radius of a photon; in the sphere of a step.
     pub neighbours: u32,
+    /// Spheres of the point estimate.
+    pub search: Search,
     /// PNG exposure. \[stops\]
     pub exposure: f64,
     /// Seed of every random stream.
@@ -149,6 +160,7 @@ impl Default for Settings {
             march: March::Exact,
             kernel: Kernel::Biweight,
             neighbours: 50,
+            search: Search::Nearest,
             exposure: 0.0,
             seed: 0,
             crop: None,

@@ -26,14 +26,14 @@ use vpm_vdb::world::{LoadedVolume, World};
 use crate::fields::{grid, render, rng, scene, smoke, volume};
 use crate::stats::{Welford, chi_square_p, sidak, t_bound, z_bound};
 
-const FORWARD: Phase = Phase::HenyeyGreenstein(0.6);
+pub(crate) const FORWARD: Phase = Phase::HenyeyGreenstein(0.6);
 
-fn blob() -> Grid {
+pub(crate) fn blob() -> Grid {
     grid(IVec3::splat(-24), IVec3::splat(24), smoke)
 }
 
 /// Smoke of some five optical depths, one metre to a voxel.
-fn smoky(lights: Vec<Light>) -> Scene {
+pub(crate) fn smoky(lights: Vec<Light>) -> Scene {
     let mut scene = scene(75.0, [24, 24]);
     scene
         .volumes
@@ -42,7 +42,7 @@ fn smoky(lights: Vec<Light>) -> Scene {
     scene
 }
 
-fn lights() -> Vec<(&'static str, Vec<Light>)> {
+pub(crate) fn lights() -> Vec<(&'static str, Vec<Light>)> {
     let at = DVec3::new(20.0, 45.0, 15.0);
     vec![
         (
@@ -96,7 +96,7 @@ fn lights() -> Vec<(&'static str, Vec<Light>)> {
 }
 
 /// Means of 8 x 8 blocks and, last, of the whole picture, with the variances of independent pixels.
-fn blocks(film: &Film) -> Vec<(f64, f64)> {
+pub(crate) fn blocks(film: &Film) -> Vec<(f64, f64)> {
     let [width, height] = film.resolution();
     let mut out = Vec::new();
     for y in (0..height).step_by(8) {
@@ -118,7 +118,7 @@ fn blocks(film: &Film) -> Vec<(f64, f64)> {
 }
 
 /// Block means over renders of `seeds` seeds.
-fn replicates(scene: &Scene, grids: &[&Grid], seeds: u64) -> Vec<Welford> {
+pub(crate) fn replicates(scene: &Scene, grids: &[&Grid], seeds: u64) -> Vec<Welford> {
     let mut out: Vec<Welford> = Vec::new();
     for seed in 0..seeds {
         let mut scene = scene.clone();
@@ -178,13 +178,13 @@ fn beams_agree_with_paths() {
 }
 
 /// Mean over the picture, and its standard error, of one channel.
-fn image(scene: &Scene, grids: &[&Grid], channel: usize) -> (f64, f64) {
+pub(crate) fn image(scene: &Scene, grids: &[&Grid], channel: usize) -> (f64, f64) {
     let estimate = render(scene, grids, None).film.image_mean();
     let error = estimate.standard_error.expect("more than one pass");
     (estimate.mean[channel], error[channel])
 }
 
-fn z(a: (f64, f64), b: (f64, f64)) -> f64 {
+pub(crate) fn z(a: (f64, f64), b: (f64, f64)) -> f64 {
     (a.0 - b.0) / a.1.hypot(b.1)
 }
 

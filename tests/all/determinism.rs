@@ -4,7 +4,7 @@ use glam::{DVec3, IVec3};
 
 use vpm_vdb::grid::Grid;
 use vpm_vdb::photon::Energy;
-use vpm_vdb::scene::{Direct, Light, Method, Phase, Rgb, Scene};
+use vpm_vdb::scene::{Direct, Light, Method, Phase, Rgb, Scene, Search};
 
 use crate::fields::{grid, render, scene, smoke, volume};
 
@@ -43,6 +43,8 @@ fn threads_change_no_bit_of_the_film() {
         smoky(colour, Phase::Rayleigh),
         smoky(colour, forward),
         smoky(grey, Phase::Isotropic),
+        smoky(grey, Phase::Isotropic),
+        smoky(colour, forward),
     ];
     scenes[3].settings.direct = Direct::Photons;
     scenes[4].settings.method = Method::Path;
@@ -51,6 +53,13 @@ fn threads_change_no_bit_of_the_film() {
         radius: 0.5,
         focus_distance: 60.0,
     });
+    for (scene, search) in scenes[6..]
+        .iter_mut()
+        .zip([Search::Nearest, Search::Radius])
+    {
+        scene.settings.method = Method::Point;
+        scene.settings.search = search;
+    }
     for (index, scene) in scenes.iter().enumerate() {
         let first = render(scene, &[&blob], Some(1));
         for threads in [1, 2, 3] {

@@ -9,6 +9,7 @@ mod furnace;
 mod grid;
 mod grid_values;
 mod main_job;
+mod point;
 mod scene_file;
 mod selftest;
 mod stats;

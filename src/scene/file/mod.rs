@@ -23,7 +23,7 @@ use glam::{DAffine3, DMat3, DVec3};
 use super::keys::{ABOVE_0, FROM_0, Item, Keys, Limits, SHARE};
 use super::{
     Camera, Convert, Direct, Emission, Fog, Kernel, Lens, March, Method, Optics, Phase, Scene,
-    Settings, Volume,
+    Search, Settings, Volume,
 };
 
 /// Most pixels along an edge of the picture.
@@ -113,15 +113,17 @@ fn lens(t: &Keys<'_>) -> Option<Lens> {
 /// | `passes` | 8 | 1 to 1 000 000 |
 /// | `spp`: camera rays of a pixel, in each pass (beam, point) or in all (path) | 1 | 1 to 1 000 000 |
 /// | `direct`: first order from points on the ray, or from photons | `"sampled"` | `"sampled"`, `"photons"` |
-/// | `march`: optical depth of camera rays | `"exact"` | `"exact"`, `{ step = voxels }` above 0 |
+/// | `march`: optical depth of camera rays, and steps of the point estimate | `"exact"` | `"exact"`, `{ step = voxels }` above 0 |
 /// | `kernel` | `"biweight"` | `"constant"`, `"biweight"`, `"epanechnikov"` |
 /// | `neighbours`: photons within the radius of a photon | 50 | 1 to 1 000 000 |
+/// | `search`: photons that the point estimate counts at a step: the `neighbours` nearest, or all within their own radius | `"nearest"` | `"nearest"`, `"radius"` |
 /// | `exposure` of the PNG \[stops\] | 0 | -100 to 100 |
 /// | `seed` | 0 | 0 to 2^64 - 1 |
 fn settings(t: &Keys<'_>) -> Settings {
     let d = Settings::default();
     let methods = Method::ALL.map(|m| (m.name(), m));
     let directs = [("sampled", Direct::Sampled), ("photons", Direct::Photons)];
+    let searches = [("nearest", Search::Nearest), ("radius", Search::Radius)];
     let kernels = [
         ("constant", Kernel::Constant),
         ("biweight", Kernel::Biweight),
@@ -146,6 +148,7 @@ fn settings(t: &Keys<'_>) -> Settings {
         neighbours: t
             .may("neighbours", |v| v.whole32(1..=MAX_COUNT))
             .unwrap_or(d.neighbours),
+        search: t.may("search", |v| v.word(&searches)).unwrap_or(d.search),
         exposure: t.may("exposure", |v| v.number(stops)).unwrap_or(d.exposure),
         seed: t.may("seed", |v| v.whole(0..=u64::MAX)).unwrap_or(d.seed),
         crop: None,
@@ -343,10 +346,14 @@ pub fn settings_text(s: &Settings) -> String {
         Kernel::Biweight => "biweight",
         Kernel::Epanechnikov => "epanechnikov",
     };
+    let search = match s.search {
+        Search::Nearest => "nearest",
+        Search::Radius => "radius",
+    };
     format!(
         "[render]\nmethod = \"{}\"\nmax_bounces = {}\nphotons = {}\npasses = {}\nspp = {}\n\
          direct = \"{direct}\"\nmarch = {march}\nkernel = \"{kernel}\"\nneighbours = {}\n\
-         exposure = {:?}\nseed = {}\n# crop = {:?}, pruning = {}\n",
+         search = \"{search}\"\nexposure = {:?}\nseed = {}\n# crop = {:?}, pruning = {}\n",
         s.method.name(),
         s.max_bounces,
         s.photons,

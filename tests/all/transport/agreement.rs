@@ -1,11 +1,11 @@
-//! Photons against paths, block by block.
+//! Photons, by beams and by points, against paths, block by block.
 //!
 //! Blocks differ by no more than 5 standard errors and a share of their radiance that the kernels
 //! may blur away: a photon's disc that reaches over the border of its medium (or of its floor)
 //! counts too little there, by an amount that falls with the radius. Media with hard borders in
 //! few passes show it most.
 
-use super::{block_means, scene};
+use super::{Figure, block_means, scene};
 
 /// What is to agree, and how well.
 struct Case {
@@ -14,6 +14,8 @@ struct Case {
     /// Share of the mean that kernels may blur away.
     bias: f64,
     spp: u32,
+    /// Photon estimates to compare.
+    methods: &'static [&'static str],
 }
 
 fn agree(case: &Case) {
@@ -30,16 +32,23 @@ fn agree(case: &Case) {
             6,
         )
     };
-    let (path, beam) = (figures("path"), figures("beam"));
+    let path = figures("path");
+    for method in case.methods {
+        compare(case, &path, method, &figures(method));
+    }
+}
+
+/// Blocks of a photon estimate, `beam`, against those of paths.
+fn compare(case: &Case, path: &[Figure], method: &str, beam: &[Figure]) {
     let mean = path.iter().map(|f| f.mean).sum::<f64>() / path.len() as f64;
     let ratio = beam.iter().map(|f| f.mean).sum::<f64>() / path.len() as f64 / mean;
-    println!("{}: beam / path {ratio:.4}", case.name);
+    println!("{}: {method} / path {ratio:.4}", case.name);
     let mut worst = 0.0f64;
-    for (i, (p, b)) in path.iter().zip(&beam).enumerate() {
+    for (i, (p, b)) in path.iter().zip(beam).enumerate() {
         let error = p.error.hypot(b.error).max(1e-6 * p.mean + 1e-12);
         let z = (b.mean - p.mean) / error;
         println!(
-            "  {i:2}: path {:.5} +- {:.5}  beam {:.5} +- {:.5}  ratio {:.4} z {z:.1}",
+            "  {i:2}: path {:.5} +- {:.5}  {method} {:.5} +- {:.5}  ratio {:.4} z {z:.1}",
             p.mean,
             p.error,
             b.mean,
@@ -49,7 +58,11 @@ fn agree(case: &Case) {
         let excess = (b.mean - p.mean).abs() - 5.0 * error;
         worst = worst.max(excess / (case.bias * p.mean.max(0.2 * mean)));
     }
-    assert!(worst < 1.0, "{}: {worst} of the bias allowed", case.name);
+    assert!(
+        worst < 1.0,
+        "{} by {method}: {worst} of the bias allowed",
+        case.name
+    );
 }
 
 const FLOOR: &str = "[[object]]\nshape = { quad = { corner = [-3, 0, -3], edge_u = [0, 0, 6], edge_v = [6, 0, 0] } }\n\
@@ -66,6 +79,7 @@ fn floor_and_smoke_under_a_quad() {
         ]),
         bias: 0.02,
         spp: 64,
+        methods: &["beam"],
     });
 }
 
@@ -81,6 +95,7 @@ fn glass_in_fog_under_a_ball() {
         ]),
         bias: 0.03,
         spp: 256,
+        methods: &["beam", "point"],
     });
 }
 
@@ -96,6 +111,7 @@ fn a_mirror_shows_smoke_and_floor() {
         ]),
         bias: 0.03,
         spp: 64,
+        methods: &["beam"],
     });
 }
 
@@ -110,6 +126,7 @@ fn an_emissive_ball_in_a_room_with_smoke() {
         ]),
         bias: 0.03,
         spp: 64,
+        methods: &["beam"],
     });
 }
 
@@ -127,6 +144,7 @@ fn milk_in_an_interface_and_rough_metal() {
         ]),
         bias: 0.06,
         spp: 64,
+        methods: &["beam", "point"],
     });
 }
 

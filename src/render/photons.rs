@@ -1,4 +1,4 @@
-//! One pass of the beam estimate: photons, their radii, tiles, camera rays.
+//! One pass of a photon estimate: photons, their radii, tiles or trees, camera rays.
 
 use std::time::Instant;
 
@@ -7,20 +7,21 @@ use rayon::prelude::*;
 use super::camera::{Sum, camera_ray};
 use super::pilot::Radii;
 use super::{Job, Tally};
-use crate::estimate::beam;
-use crate::estimate::chain::{Chain, Link};
+use crate::estimate::chain::{Chain, Link, Scratch};
+use crate::estimate::gather::MediaPhotons;
+use crate::estimate::point::PointMap;
 use crate::estimate::tiles::{BandTiles, Bands, TILE, TILE_RAYS, TileRays};
 use crate::film::Sample;
-use crate::march::Profile;
 use crate::photon::map::PhotonMap;
 use crate::photon::radius::radius_scale;
 use crate::photon::surface::{SurfaceGather, SurfaceMap};
 use crate::photon::{Heading, Photon, Photons, TraceSettings, trace_photons};
 use crate::rng::{Rng, Stage};
+use crate::scene::Method;
 use crate::spectrum::Spectrum;
 use crate::tracking::{Counters, Sampler};
 
-/// One pass of the beam estimate.
+/// One pass of the beam estimate or of the point estimate.
 pub(super) fn pass<S: Spectrum, H: Heading>(
     job: &Job<'_, S>,
     radii: Option<&Radii<S>>,
@@ -41,7 +42,8 @@ pub(super) fn pass<S: Spectrum, H: Heading>(
         tally.times.photons += clock.elapsed().as_secs_f64();
     }
     let clock = Instant::now();
-    let gather = Gather::new(job, traced, radius_scale(pass, 2));
+    let scale = radius_scale(pass, blur_dimension(settings.method));
+    let gather = Gather::new(job, traced, [scale; 2]);
     tally.times.map += clock.elapsed().as_secs_f64();
 
     let clock = Instant::now();
@@ -87,6 +89,11 @@ pub(super) fn trace<S: Spectrum, H: Heading>(
     trace_photons::<S, H>(job.world, &trace)
 }
 
+/// Dimension of what the kernels of a method blur.
+pub(super) fn blur_dimension(method: Method) -> u32 {
+    if method == Method::Point { 3 } else { 2 }
+}
+
 /// Photons, and the bands of the picture that they fall into.
 type Banded<S, H> = (Vec<Photon<S, H>>, Bands);
 
@@ -94,22 +101,26 @@ type Banded<S, H> = (Vec<Photon<S, H>>, Bands);
 pub(super) struct Gather<'a, S, H> {
     /// For camera rays from one point, in tiles.
     tiles: Option<[Banded<S, H>; 2]>,
-    /// For rays from anywhere, one by one: with a lens, and beyond mirrors and lenses.
-    maps: Option<[PhotonMap<S, H>; 2]>,
+    /// For rays from anywhere, one by one: with a lens, beyond mirrors and lenses, and in spheres.
+    alone: Option<MediaPhotons<'a, S, H>>,
     /// On surfaces.
     surface: Option<SurfaceGather<'a, S>>,
 }
 
 impl<'a, S: Spectrum, H: Heading> Gather<'a, S, H> {
-    /// Gives photons their radii, those of the pilot times `scale`, and sorts them.
+    /// Gives photons their radii, those of the pilot times the first scale, and sorts them. The
+    /// second one scales the steps of the point estimate.
     pub(super) fn new(
         job: &Job<'_, S>,
         traced: Option<(Photons<S, H>, &'a Radii<S>)>,
-        scale: f32,
+        [scale, steps]: [f32; 2],
     ) -> Self {
+        let settings = &job.scene.settings;
+        let mut spheres = None;
         let mut photons = [Vec::new(), Vec::new()];
         let mut surface = None;
         if let Some((traced, radii)) = traced {
+            spheres = Some(radii);
             photons = [traced.first, traced.higher];
             for photon in &mut photons {
                 photon.par_iter_mut().for_each(|p| {
@@ -123,9 +134,20 @@ impl<'a, S: Spectrum, H: Heading> Gather<'a, S, H> {
                 scale,
             });
         }
+        if settings.method == Method::Point {
+            return Self {
+                tiles: None,
+                alone: spheres.map(|radii: &'a Radii<S>| {
+                    let radii = (&radii.media, &radii.rate);
+                    MediaPhotons::Point(PointMap::new(photons, radii, [scale, steps], settings))
+                }),
+                surface,
+            };
+        }
         let pinhole = job.world.camera.is_pinhole();
         Self {
-            maps: (!pinhole || job.plan.follow).then(|| photons.clone().map(PhotonMap::new)),
+            alone: (!pinhole || job.plan.follow)
+                .then(|| MediaPhotons::Beam(photons.clone().map(PhotonMap::new), settings.kernel)),
             tiles: pinhole.then(|| {
                 photons.map(|photons| {
                     let bands = Bands::new(&photons, &job.world.camera, &job.grid);
@@ -139,9 +161,8 @@ impl<'a, S: Spectrum, H: Heading> Gather<'a, S, H> {
     /// Bytes that sorting takes in memory, the photons that tiles hold left out.
     pub(super) fn memory_bytes(&self) -> usize {
         let tiles = self.tiles.iter().flatten();
-        let maps = self.maps.iter().flatten();
         tiles.map(|(_, bands)| bands.memory_bytes()).sum::<usize>()
-            + maps.map(PhotonMap::memory_bytes).sum::<usize>()
+            + self.alone.as_ref().map_or(0, MediaPhotons::memory_bytes)
             + self.surface.as_ref().map_or(0, |s| s.map.memory_bytes())
     }
 }
@@ -181,7 +202,7 @@ pub(super) struct Band<'a, S, H> {
     pass: u32,
     tiles: Option<[BandTiles; 2]>,
     chain: Option<Chain<'a, S, H>>,
-    scratch: Profile<S>,
+    scratch: Scratch<S>,
 }
 
 impl<'a, S: Spectrum, H: Heading> Band<'a, S, H> {
@@ -205,14 +226,13 @@ impl<'a, S: Spectrum, H: Heading> Band<'a, S, H> {
                 world: job.world,
                 surfaces,
                 lights: job.lights,
-                maps: gather.maps.as_ref(),
+                media_photons: gather.alone.as_ref(),
                 photons: gather.surface.as_ref(),
-                kernel: settings.kernel,
                 march: settings.march,
                 direct: job.plan.direct,
                 emission: job.plan.emission,
             }),
-            scratch: Profile::default(),
+            scratch: Scratch::default(),
         }
     }
 
@@ -254,17 +274,17 @@ impl<'a, S: Spectrum, H: Heading> Band<'a, S, H> {
                         .follow(link, &mut self.scratch, &mut sampler)
                         .add_to(&mut sum[i].sample);
                 }
-                if let (Some(maps), None) = (&gather.maps, &gather.tiles) {
-                    for (map, photons) in maps.iter().zip(&mut photon_sums) {
-                        photons[i] += beam::radiance(
-                            settings.kernel,
-                            &job.world.media,
-                            map,
-                            &rays.profiles[i],
-                            &rays.rays[i],
-                            compartment,
-                            &mut sampler.counters,
-                        );
+                if let (Some(photons), None) = (&gather.alone, &gather.tiles) {
+                    let found = photons.radiance(
+                        job.world,
+                        &rays.rays[i],
+                        &job.world.camera_inside,
+                        &rays.profiles[i],
+                        &mut self.scratch.sphere,
+                        &mut sampler,
+                    );
+                    for (sums, found) in photon_sums.iter_mut().zip(found) {
+                        sums[i] += found;
                     }
                 }
                 *counters += sampler.counters;

@@ -1,0 +1,63 @@
+//! Photons in media along a ray of any origin: by the beam estimate or by the point estimate.
+
+use crate::estimate::beam;
+use crate::estimate::kernel::Kernel;
+use crate::estimate::point::{PointMap, Sphere};
+use crate::march::Profile;
+use crate::photon::Heading;
+use crate::photon::map::PhotonMap;
+use crate::ray::Ray;
+use crate::spectrum::Spectrum;
+use crate::surface::Inside;
+use crate::tracking::Sampler;
+use crate::world::World;
+
+/// The photons of a pass, those of first order and those of higher ones.
+#[derive(Debug)]
+pub enum MediaPhotons<'a, S, H> {
+    /// Under hierarchies of their discs.
+    Beam([PhotonMap<S, H>; 2], Kernel),
+    /// In trees.
+    Point(PointMap<'a, S, H>),
+}
+
+impl<S: Spectrum, H: Heading> MediaPhotons<'_, S, H> {
+    /// Bytes that photons and what sorts them take in memory.
+    #[must_use]
+    pub fn memory_bytes(&self) -> usize {
+        match self {
+            Self::Beam(maps, _) => maps.iter().map(PhotonMap::memory_bytes).sum(),
+            Self::Point(map) => map.memory_bytes(),
+        }
+    }
+
+    /// Radiance along a ray inside the objects `inside`, whose media `profile` holds: of first
+    /// order, and of higher ones. \[W/(m2 sr)\]
+    pub fn radiance(
+        &self,
+        world: &World<S>,
+        ray: &Ray,
+        inside: &Inside,
+        profile: &Profile<S>,
+        sphere: &mut Sphere,
+        sampler: &mut Sampler,
+    ) -> [S; 2] {
+        let compartment = world.compartment(inside);
+        match self {
+            Self::Beam(maps, kernel) => maps.each_ref().map(|map| {
+                beam::radiance(
+                    *kernel,
+                    &world.media,
+                    map,
+                    profile,
+                    ray,
+                    compartment,
+                    &mut sampler.counters,
+                )
+            }),
+            Self::Point(map) => {
+                map.radiance(&world.media, compartment, profile, ray, sphere, sampler)
+            }
+        }
+    }
+}
