@@ -27,7 +27,8 @@ pub(crate) enum Command {
     /// Render a scene, or a lone .vdb, to a layered EXR and a PNG beside it.
     ///
     /// A lone .vdb is framed by a camera and lit by sun and sky. Ctrl-C ends the render after the
-    /// pass in hand and writes what there is; a second Ctrl-C ends it at once.
+    /// pass in hand and writes what there is, and a checkpoint for --resume; a second Ctrl-C ends it
+    /// at once.
     Render(RenderArgs),
     /// List the grids of a .vdb file, or values of one of them.
     Info(InfoArgs),
@@ -95,6 +96,13 @@ pub(crate) struct RenderArgs {
     /// Write times, counts and errors as JSON.
     #[arg(long, value_name = "OUT.json")]
     pub(crate) report: Option<PathBuf>,
+    /// Go on from the checkpoint that a stopped render left beside the picture, if there is one.
+    ///
+    /// The pictures are those of a render without a stop, byte for byte. Scene, volumes and settings
+    /// have to be as before; --passes may be more (path: --spp). A checkpoint, OUT.checkpoint, is
+    /// written once a minute and at Ctrl-C, and removed when the picture is done.
+    #[arg(long)]
+    pub(crate) resume: bool,
     /// Print errors only.
     #[arg(long)]
     pub(crate) quiet: bool,

@@ -7,12 +7,17 @@ use std::sync::atomic::AtomicBool;
 use vpm_vdb::effects::EffectPlan;
 use vpm_vdb::info::{self, InfoOptions};
 use vpm_vdb::progress::Silent;
+use vpm_vdb::render::checkpoint::Checkpoint;
 use vpm_vdb::render::{self, Exec, Forecast, Rendered};
 use vpm_vdb::scene::{Scene, bare};
 
-/// Renders one frame.
-pub(crate) fn run_render(scene: &Scene, exec: &Exec<'_>) -> anyhow::Result<Rendered> {
-    Ok(render::render(scene, exec)?)
+/// Renders one frame, going on from a checkpoint and keeping its state in it.
+pub(crate) fn run_render(
+    scene: &Scene,
+    exec: &Exec<'_>,
+    keep: &mut Checkpoint,
+) -> anyhow::Result<Rendered> {
+    Ok(render::render_kept(scene, exec, Some(keep))?)
 }
 
 /// Which effects the scene calls for, and what the stages should cost.

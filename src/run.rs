@@ -14,6 +14,7 @@ use anyhow::{Context, bail};
 use vpm_vdb::atomic::{self, check_writable};
 use vpm_vdb::compare::{Figures, compare, heat_map};
 use vpm_vdb::image::{self, Metadata};
+use vpm_vdb::render::checkpoint::Checkpoint;
 use vpm_vdb::render::{Exec, Rendered};
 use vpm_vdb::report::PhotonCounts;
 use vpm_vdb::scene::file::settings_text;
@@ -191,6 +192,24 @@ fn render(args: &RenderArgs) -> anyhow::Result<ExitCode> {
     let jobs = jobs(args, scene)?;
     let loaded = started.elapsed().as_secs_f64();
 
+    let mut checkpoints = Vec::new();
+    for job in &jobs {
+        let file = job.exr.with_extension("checkpoint");
+        let there = file.exists();
+        if args.resume && there {
+            checkpoints.push(Some(Checkpoint::resume(&file, &job.scene)?));
+            continue;
+        }
+        if there && !args.quiet {
+            eprintln!(
+                "note: {} of a stopped render is left alone unless this one needs its place; \
+                 --resume goes on from it",
+                file.display()
+            );
+        }
+        checkpoints.push(None);
+    }
+
     catch_ctrl_c(args.quiet)?;
     let progress = progress::for_stderr(args.quiet);
     let warn = |text: &str| {
@@ -205,11 +224,23 @@ fn render(args: &RenderArgs) -> anyhow::Result<ExitCode> {
         warn: &warn,
         stop: &STOP,
     };
-    for job in &jobs {
-        let mut rendered = engine::run_render(&job.scene, &exec)?;
+    for (job, checkpoint) in jobs.iter().zip(checkpoints) {
+        let mut checkpoint = match checkpoint {
+            Some(checkpoint) => checkpoint,
+            None => Checkpoint::begin(&job.exr.with_extension("checkpoint"), &job.scene)?,
+        };
+        let mut rendered = engine::run_render(&job.scene, &exec, &mut checkpoint)?;
         rendered.report.time_s.load += loaded;
         rendered.report.time_s.total += loaded;
         write(job, &mut rendered)?;
+        if !rendered.stopped_early {
+            checkpoint.remove().with_context(|| {
+                format!(
+                    "cannot remove {}",
+                    job.exr.with_extension("checkpoint").display()
+                )
+            })?;
+        }
         if !args.quiet {
             tell(job, &rendered)?;
         }
@@ -283,7 +314,7 @@ fn tell(job: &Job, rendered: &Rendered) -> anyhow::Result<()> {
         report.time_s.total
     ))?;
     if *stopped_early && STOP.load(Ordering::Relaxed) {
-        eprintln!("stopped early: the picture has {passes}");
+        eprintln!("stopped early: the picture has {passes}; the same with --resume goes on");
     }
     match film.nonfinite_pixels() {
         0 => {}

@@ -7,6 +7,7 @@
 //! has one order: the number of threads changes nothing.
 
 mod camera;
+pub mod checkpoint;
 mod forecast;
 mod path;
 mod photons;
@@ -26,11 +27,13 @@ use crate::grid::load::load_volumes;
 use crate::photon::{Energy, Heading, Packed};
 use crate::progress::Progress;
 use crate::report::{ImageFigures, PhotonCounts, Report, Times, peak_rss_bytes};
-use crate::scene::{Method, Scene};
+use crate::scene::{Method, Scene, Settings};
 use crate::spectrum::Spectrum;
 use crate::surface::Surfaces;
 use crate::tracking::Counters;
 use crate::world::{LoadedVolume, World};
+
+use checkpoint::{Checkpoint, SAVE_EVERY};
 
 pub use forecast::Forecast;
 
@@ -98,13 +101,25 @@ pub enum RenderError {
 /// # Errors
 /// [`RenderError`]: a volume that cannot be read, or what this version does not render.
 pub fn render(scene: &Scene, exec: &Exec<'_>) -> Result<Rendered, RenderError> {
+    render_kept(scene, exec, None)
+}
+
+/// Renders a scene, going on from a checkpoint and keeping its state in it.
+///
+/// # Errors
+/// [`RenderError`]: a volume that cannot be read, or what this version does not render.
+pub fn render_kept(
+    scene: &Scene,
+    exec: &Exec<'_>,
+    keep: Option<&mut Checkpoint>,
+) -> Result<Rendered, RenderError> {
     pool(exec)?.install(|| {
         let start = Instant::now();
         check_supported(scene)?;
         exec.progress.stage("load", None);
         let volumes = load_volumes(scene, exec.warn)?;
         let load = start.elapsed().as_secs_f64();
-        let mut rendered = planned(scene, volumes, exec, start)?;
+        let mut rendered = planned(scene, volumes, exec, start, keep)?;
         rendered.report.time_s.load = load;
         Ok(rendered)
     })
@@ -122,7 +137,7 @@ pub fn render_loaded(
 ) -> Result<Rendered, RenderError> {
     pool(exec)?.install(|| {
         check_supported(scene)?;
-        planned(scene, volumes, exec, Instant::now())
+        planned(scene, volumes, exec, Instant::now(), None)
     })
 }
 
@@ -144,21 +159,22 @@ fn planned(
     volumes: Vec<LoadedVolume>,
     exec: &Exec<'_>,
     start: Instant,
+    keep: Option<&mut Checkpoint>,
 ) -> Result<Rendered, RenderError> {
     let plan = EffectPlan::new(scene, &volumes);
     let clock = Instant::now();
     let mut rendered = match (plan.chromatic, plan.headings) {
         (false, false) => in_world(scene, volumes, &plan, exec, |job| {
-            run::<f32, ()>(job, clock, start)
+            run::<f32, ()>(job, clock, start, keep)
         }),
         (false, true) => in_world(scene, volumes, &plan, exec, |job| {
-            run::<f32, Packed>(job, clock, start)
+            run::<f32, Packed>(job, clock, start, keep)
         }),
         (true, false) => in_world(scene, volumes, &plan, exec, |job| {
-            run::<Vec3, ()>(job, clock, start)
+            run::<Vec3, ()>(job, clock, start, keep)
         }),
         (true, true) => in_world(scene, volumes, &plan, exec, |job| {
-            run::<Vec3, Packed>(job, clock, start)
+            run::<Vec3, Packed>(job, clock, start, keep)
         }),
     }?;
     exec.progress.finish();
@@ -275,38 +291,71 @@ struct Tally {
     energy: Energy,
 }
 
+/// Passes of a render in all.
+fn pass_count(settings: &Settings) -> u32 {
+    match settings.method {
+        Method::Path => settings.spp.div_ceil(path::PATHS_PER_PASS),
+        Method::Beam | Method::Point => settings.passes,
+    }
+}
+
 /// Renders in one specialised form, in a world begun at `build`; the whole began at `start`.
-fn run<S: Spectrum, H: Heading>(job: &Job<'_, S>, build: Instant, start: Instant) -> Rendered {
+fn run<S: Spectrum, H: Heading>(
+    job: &Job<'_, S>,
+    build: Instant,
+    start: Instant,
+    mut keep: Option<&mut Checkpoint>,
+) -> Rendered {
     let (scene, exec) = (job.scene, job.exec);
     let settings = &scene.settings;
     let [width, height] = scene.camera.resolution;
-    let mut tally = Tally::default();
-    tally.times.build = build.elapsed().as_secs_f64();
-    let mut film = Film::new(width, height, settings.crop);
-
+    let saved = keep.as_mut().and_then(|keep| keep.take());
+    // The pilot of a render that goes on was counted before it was stopped.
+    let mut pilot_tally = Tally::default();
+    pilot_tally.times.build = build.elapsed().as_secs_f64();
     let radii = job
         .plan
         .photons
-        .then(|| pilot::radii::<S, H>(job, &mut tally));
-    let passes = match settings.method {
-        Method::Path => settings.spp.div_ceil(path::PATHS_PER_PASS),
-        Method::Beam | Method::Point => settings.passes,
+        .then(|| pilot::radii::<S, H>(job, &mut pilot_tally));
+    let (mut film, mut tally) = match saved {
+        Some((film, tally)) => (
+            film,
+            Tally {
+                times: pilot_tally.times,
+                ..tally
+            },
+        ),
+        None => (Film::new(width, height, settings.crop), pilot_tally),
     };
-    let first_pass = Instant::now();
-    let mut pass = 0;
-    let stopped_early = loop {
-        if pass > 0 && exec.stop.load(Ordering::Relaxed) {
-            break pass < passes;
+    let passes = pass_count(settings);
+    let (first_pass, first) = (Instant::now(), film.passes());
+    let mut save = |film: &Film, tally: &Tally| {
+        if let Some(keep) = &mut keep
+            && let Err(e) = keep.save(film, tally)
+        {
+            (exec.warn)(&format!("no checkpoint: {e}"));
         }
-        match exec.time_limit {
-            None if pass == passes => break false,
-            Some(limit) if pass > 0 => {
-                let each = first_pass.elapsed() / pass;
-                if start.elapsed() + each > limit {
-                    break false;
-                }
+    };
+    let mut last_save = first_pass;
+    let mut pass = first;
+    let stopped_early = loop {
+        if pass >= passes {
+            break false;
+        }
+        if pass > first {
+            if exec.stop.load(Ordering::Relaxed) {
+                save(&film, &tally);
+                break true;
             }
-            _ => {}
+            let each = first_pass.elapsed() / (pass - first);
+            let late = |limit| start.elapsed() + each > limit;
+            if exec.time_limit.is_some_and(late) {
+                break false;
+            }
+            if last_save.elapsed() > SAVE_EVERY {
+                save(&film, &tally);
+                last_save = Instant::now();
+            }
         }
         let samples = match (&radii, settings.method) {
             (_, Method::Path) => path::pass(job, pass, &mut tally),

@@ -10,6 +10,7 @@ mod grid;
 mod grid_values;
 mod main_job;
 mod point;
+mod resume;
 mod scene_file;
 mod selftest;
 mod stats;
