@@ -9,8 +9,11 @@
 //! ```
 //!
 //! one row of pixels per SIMD operation, only the rows that the sphere can reach. A photon is
-//! fetched once for 64 rays; nothing is traversed. The sum is the one of `beam`, in the order of
-//! the photons: the result does not depend on how the work was split.
+//! fetched once for 64 rays; nothing is traversed. The sum is the one of `beam`, in an order that
+//! photons and picture set: the result does not depend on how the work was split.
+//!
+//! A photon is listed once, 12 bytes, in the first band that it reaches, and again only beyond every
+//! [`SPAN`]th: a band looks through the lists of those above it.
 //!
 //! Deep in a cloud a ray pierces many photons of which next to nothing is left. Each photon is of
 //! a class j with probability 2^-(j+1) (a hash of its index), and counts only where the ray's
@@ -127,12 +130,17 @@ impl TileGrid {
     }
 }
 
-/// A photon in a band: its index, and the first and last of its columns and of the band's rows.
+/// Bands that one entry of a photon covers, at most. More: bands look through more entries that do
+/// not concern them; fewer: more entries.
+const SPAN: u32 = 4;
+
+/// A photon in some bands, the first of which lists it: its index, and the first and last of its
+/// columns of tiles and of its rows of pixels there.
 #[derive(Debug, Clone, Copy)]
 struct Entry {
     photon: u32,
     columns: [u16; 2],
-    rows: [u8; 2],
+    rows: [u16; 2],
 }
 
 /// Photons sorted into bands of a picture.
@@ -164,16 +172,16 @@ impl Bands {
                     };
                     let index = (chunk * CHUNK + i) as u32;
                     let columns = [(c0 / TILE) as u16, (c1 / TILE) as u16];
-                    for band in r0 / TILE..=r1 / TILE {
-                        let first = r0.max(band * TILE) - band * TILE;
-                        let last = r1.min(band * TILE + TILE - 1) - band * TILE;
+                    for band in (r0 / TILE..=r1 / TILE).step_by(SPAN as usize) {
+                        let last = r1.min((band + SPAN) * TILE - 1);
                         bands[band as usize].push(Entry {
                             photon: index,
                             columns,
-                            rows: [first as u8, last as u8],
+                            rows: [r0.max(band * TILE) as u16, last as u16],
                         });
                     }
                 }
+                bands.iter_mut().for_each(Vec::shrink_to_fit);
                 bands
             })
             .collect();
@@ -192,7 +200,14 @@ impl Bands {
     pub fn tiles(&self, band: u32, grid: &TileGrid) -> BandTiles {
         let columns = grid.columns() as usize;
         let mut start = vec![0u32; columns + 1];
-        let entries = || self.entries.iter().flat_map(|chunk| &chunk[band as usize]);
+        let (top, bottom) = (band * TILE, (band + 1) * TILE - 1);
+        let listing = (band + 1).saturating_sub(SPAN)..=band;
+        let entries = || {
+            let chunks = self.entries.iter();
+            chunks
+                .flat_map(|chunk| listing.clone().flat_map(|band| &chunk[band as usize]))
+                .filter(|entry| u32::from(entry.rows[1]) >= top)
+        };
         for entry in entries() {
             for column in entry.columns[0]..=entry.columns[1] {
                 start[column as usize + 1] += 1;
@@ -204,9 +219,11 @@ impl Bands {
         let mut next = start.clone();
         let mut photons = vec![(0u32, [0u8; 2]); start[columns] as usize];
         for entry in entries() {
+            let [first, last] = entry.rows.map(u32::from);
+            let rows = [first.max(top) - top, last.min(bottom) - top].map(|row| row as u8);
             for column in entry.columns[0]..=entry.columns[1] {
                 let slot = &mut next[column as usize];
-                photons[*slot as usize] = (entry.photon, entry.rows);
+                photons[*slot as usize] = (entry.photon, rows);
                 *slot += 1;
             }
         }

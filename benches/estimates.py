@@ -1,0 +1,104 @@
+#!/usr/bin/env python3
+"""The photon estimates and the path tracer at equal time, and the time each needs for relMSE 0.01.
+
+    cargo build --release && benches/estimates.py [SCENE ...]       # some minutes; prints two tables
+
+Time is CPU seconds of the process, less those of a render of one pixel with one photon (reading,
+building): shares of a busy machine, not its load, decide. References are two long path-traced
+pictures of different seeds; half the relMSE between them is what one of them adds, and is
+subtracted. Equal time: one pass of the point estimate, and as many passes of the beam estimate as
+fit into no more. Time to relMSE 0.01: paths by their law, relMSE ~ 1 / time, from a run near it;
+beams the cheapest setting of photons and passes tried that is below it.
+"""
+import json
+import os
+import re
+import subprocess
+import sys
+import tempfile
+
+ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..")
+BINARY = os.path.join(ROOT, "target", "release", "vpm-vdb")
+# Resolution, and changes to the scene's text.
+SCENES = {
+    "rising_smoke": ("160x200", {}),
+    "cloud": ("160x100", {}),
+    "smoky_cornell": ("120x120", {}),
+    "foggy_street": ("160x90", {}),
+}
+REFERENCE_SPP = 1024
+BEAMS = [(12_500, 1), (25_000, 1), (50_000, 1), (100_000, 1), (100_000, 2), (200_000, 2), (200_000, 4)]
+
+
+class Scene:
+    def __init__(self, name, folder):
+        self.folder, self.name = folder, name
+        self.resolution, self.changes = SCENES[name]
+        with open(os.path.join(ROOT, "scenes", name + ".toml")) as file:
+            self.text = file.read().replace('"../volumes', f'"{ROOT}/volumes')
+        self.text = self.text.replace('"meshes/', f'"{ROOT}/scenes/meshes/')
+        for pattern, by in self.changes.items():
+            self.text = re.sub(pattern, by, self.text)
+        self.set_up = 0.0
+        self.set_up = self.render("one", "--crop", "0,0,1,1", "--photons", 1, "--passes", 1)[0]
+        self.references = [self.render(f"reference{i}", "--method", "path", "--spp", REFERENCE_SPP,
+                                       "--seed", 100 + i)[1] for i in range(2)]
+        self.own = 0.5 * self.compare(*self.references)
+
+    def render(self, out, *options, search=None):
+        """CPU seconds and picture."""
+        text = self.text
+        if search:
+            text = text.replace("[render]\n", f'[render]\nsearch = "{search}"\n')
+        toml, out = (os.path.join(self.folder, f"{self.name}{e}") for e in (".toml", f"_{out}.exr"))
+        with open(toml, "w") as file:
+            file.write(text)
+        before = os.times()
+        subprocess.run([BINARY, "render", toml, "--quiet", "--resolution", self.resolution, "-o", out,
+                        *map(str, options)], check=True)
+        after = os.times()
+        used = sum(getattr(after, k) - getattr(before, k) for k in ("children_user", "children_system"))
+        return used - self.set_up, out
+
+    def compare(self, a, b):
+        out = subprocess.run([BINARY, "compare", a, b, "--json"], check=True, capture_output=True, text=True)
+        return json.loads(out.stdout)["relmse"]
+
+    def error(self, picture):
+        return self.compare(picture, self.references[0]) - self.own
+
+    def run(self, *options, search=None):
+        seconds, picture = self.render("picture", "--seed", 1, *options, search=search)
+        return seconds, self.error(picture)
+
+
+def main():
+    names = sys.argv[1:] or [n for n in SCENES if os.path.exists(os.path.join(ROOT, "scenes", n + ".toml"))]
+    with tempfile.TemporaryDirectory() as folder:
+        for scene in (Scene(name, folder) for name in names):
+            print(f"{scene.name}, {scene.resolution}; the reference adds {scene.own:.1e}", flush=True)
+            for search in ("nearest", "radius"):
+                point = scene.run("--method", "point", "--passes", 1, search=search)
+                print(f"  point, {search:8}          {point[0]:8.2f} s  relMSE {point[1]:.2e}", flush=True)
+                one = scene.run("--passes", 1)
+                passes = max(1, int(point[0] / one[0]))
+                beam = scene.run("--passes", passes)
+                print(f"  beam, {passes:4} passes        {beam[0]:8.2f} s  relMSE {beam[1]:.2e}  "
+                      f"1/{point[1] / beam[1]:.1f} of point's", flush=True)
+            spp, path = 16, (0.0, 1.0)
+            while path[1] > 0.02 and spp <= REFERENCE_SPP:
+                path = scene.run("--method", "path", "--spp", spp)
+                spp *= 4
+            paths = path[0] * path[1] / 0.01
+            print(f"  path, {spp // 4:4} spp           {path[0]:8.2f} s  relMSE {path[1]:.2e}  "
+                  f"{paths:.2f} s to 0.01", flush=True)
+            for photons, passes in BEAMS:
+                beam = scene.run("--photons", photons, "--passes", passes)
+                print(f"  beam, {passes} x {photons:7} photons {beam[0]:6.2f} s  relMSE {beam[1]:.2e}", flush=True)
+                if beam[1] < 0.01:
+                    print(f"  beam takes 1/{paths / beam[0]:.1f} of the paths' time to relMSE 0.01", flush=True)
+                    break
+
+
+if __name__ == "__main__":
+    main()
