@@ -1,13 +1,17 @@
-//! Looking a field up, in 16 and in 32 bits a value, side by side.
+//! Looking a field up: in 16 and in 32 bits a value, and through OpenVDB and NanoVDB.
 //!
 //! ```text
-//! cargo bench --bench lookup [-- FILE.vdb ...]      files with a grid of 16-bit floats
+//! cargo bench --bench lookup [-- FILE.vdb ...]
 //! ```
 //! `random`: points anywhere in bricks with storage; nothing but the size of the field decides
 //! how many of their lookups miss the caches. `rays`: steps of half a voxel along rays across the
-//! field, as ray marching takes them. `walk`: all cells on those rays, exactly. Each is done with
-//! either storage in turn, round by round, so that other work on the machine hits both alike; the
-//! best round counts.
+//! field, as ray marching takes them. `walk`: all cells on those rays, exactly. All are done in
+//! turn, round by round, on one thread, so that other work on the machine hits each alike; the
+//! best round counts. The peers' side (`peers/lookup.cpp`) is built if a C++ compiler finds
+//! OpenVDB (Debian's libopenvdb-dev and libnanovdb-dev); it gets the same points and the same
+//! grid, and its sums must be ours.
+
+mod peers;
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -22,9 +26,15 @@ use vpm_vdb::rng::{Rng, Stage};
 use vpm_vdb::scene::Convert;
 use vpm_vdb::vdb::Archive;
 
+use peers::{Answer, Peers};
+
 const ROUNDS: usize = 25;
 const POINTS: usize = 1 << 18;
 const RAYS: usize = 1 << 10;
+/// Rounds for one of the peers', who load the file anew for each.
+const PEER_EVERY: usize = 5;
+const RANDOM: &str = "random, trilinear";
+const ALONG: &str = "rays, trilinear";
 
 fn files() -> Vec<PathBuf> {
     // cargo adds --bench.
@@ -97,32 +107,34 @@ impl Work {
 }
 
 /// A way of looking up: its name, and what does it; gives a sum and how many values it took.
-type Way = (&'static str, fn(&Grid, &Work) -> (f32, u64));
+type Way = (&'static str, fn(&Grid, &Work) -> (f64, u64));
 
-fn lookups(grid: &Grid, points: &[Vec3]) -> (f32, u64) {
-    let sum = points.iter().map(|p| grid.lookup(*p)).sum();
+fn lookups(grid: &Grid, points: &[Vec3]) -> (f64, u64) {
+    let sum: f64 = points.iter().map(|p| f64::from(grid.lookup(*p))).sum();
     (sum, points.len() as u64)
 }
 
-fn one_taps(grid: &Grid, points: &[Vec3], uniforms: &[Vec3]) -> (f32, u64) {
+fn one_taps(grid: &Grid, points: &[Vec3], uniforms: &[Vec3]) -> (f64, u64) {
     let pairs = points.iter().zip(uniforms.iter().cycle());
-    let sum = pairs.map(|(p, u)| grid.lookup_one_tap(*p, *u)).sum();
+    let sum = pairs
+        .map(|(p, u)| f64::from(grid.lookup_one_tap(*p, *u)))
+        .sum();
     (sum, points.len() as u64)
 }
 
 const WAYS: [Way; 5] = [
-    ("random, trilinear", |g, w| lookups(g, &w.points)),
+    (RANDOM, |g, w| lookups(g, &w.points)),
     ("random, one tap", |g, w| {
         one_taps(g, &w.points, &w.uniforms)
     }),
-    ("rays, trilinear", |g, w| lookups(g, &w.steps)),
+    (ALONG, |g, w| lookups(g, &w.steps)),
     ("rays, one tap", |g, w| one_taps(g, &w.steps, &w.uniforms)),
     ("walk, per lookup", |g, w| {
         let mut sum = 0.0;
         let mut count = 0;
         for ray in &w.rays {
             count += walk(g, &w.majorants, ray, 0.0, 1.0, |piece| {
-                sum += piece.integral();
+                sum += f64::from(piece.integral());
                 true
             });
         }
@@ -130,56 +142,132 @@ const WAYS: [Way; 5] = [
     }),
 ];
 
+/// Best seconds for one lookup, and the sum of all.
+#[derive(Clone, Copy)]
+struct Best {
+    seconds: f64,
+    sum: f64,
+}
+
+impl Best {
+    const NONE: Self = Self {
+        seconds: f64::INFINITY,
+        sum: 0.0,
+    };
+
+    fn take(&mut self, seconds: f64, sum: f64) {
+        *self = Self {
+            seconds: self.seconds.min(seconds),
+            sum,
+        };
+    }
+}
+
 fn main() {
+    let peers = Peers::build();
     println!(
-        "{:<26}{:<20}{:>12}{:>12}{:>8}",
-        "M/s, best of rounds", "", "16 bits", "32 bits", "ratio"
+        "{:<22}{:<20}{:>9}{:>9}{:>9}{:>9}{:>12}{:>12}",
+        "M/s, best of rounds",
+        "",
+        "16 bits",
+        "32 bits",
+        "OpenVDB",
+        "NanoVDB",
+        "/ OpenVDB",
+        "/ NanoVDB"
     );
     for file in files() {
-        let taking = Taking {
-            convert: Convert::None,
-            strict: false,
-        };
-        let archive = Archive::open(&file).expect("the file opens");
-        let grid = load_grid(&archive, &file, None, taking)
-            .expect("the file holds a density")
-            .grid;
-        let name = file
-            .file_stem()
-            .map(|s| s.to_string_lossy().into_owned())
-            .unwrap_or_default();
-        if grid.value_bits() == 32 {
-            println!("{name}: full floats, kept in 32 bits");
-            continue;
-        }
-        let grids = [grid.widened(), grid].map(|g| (g.value_bits(), g));
-        let [(_, wide), (_, narrow)] = &grids;
-        let work = Work::new(narrow);
-        let mb = |g: &Grid| g.memory_bytes() as f64 * 1e-6;
-        println!(
-            "{name:<26}{:<20}{:>12.1}{:>12.1}{:>8.2}",
-            "megabytes",
-            mb(narrow),
-            mb(wide),
-            mb(narrow) / mb(wide)
-        );
-        for (way, run) in WAYS {
-            let mut best = [f64::INFINITY; 2];
-            let mut sums = [0.0; 2];
-            for _ in 0..ROUNDS {
-                for (i, (_, grid)) in grids.iter().enumerate() {
-                    let start = Instant::now();
-                    let (sum, count) = std::hint::black_box(run(grid, &work));
-                    best[i] = best[i].min(start.elapsed().as_secs_f64() / count as f64);
-                    sums[i] = sum;
-                }
+        bench(&file, peers.as_ref());
+    }
+}
+
+/// All ways on one file.
+fn bench(file: &Path, peers: Option<&Peers>) {
+    let taking = Taking {
+        convert: Convert::None,
+        strict: false,
+    };
+    let archive = Archive::open(file).expect("the file opens");
+    let grid = load_grid(&archive, file, None, taking)
+        .expect("the file holds a density")
+        .grid;
+    let name = file
+        .file_stem()
+        .map(|s| s.to_string_lossy().into_owned())
+        .unwrap_or_default();
+    let wide = grid.widened();
+    let narrow = (grid.value_bits() == 16).then_some(grid);
+    let own = [narrow.as_ref(), Some(&wide)];
+    let work = Work::new(&wide);
+    let megabytes = own.map(|g| {
+        g.map_or_else(
+            || "-".to_owned(),
+            |g| format!("{:.1}", g.memory_bytes() as f64 * 1e-6),
+        )
+    });
+    println!(
+        "{name:<22}{:<20}{:>9}{:>9}",
+        "megabytes", megabytes[0], megabytes[1]
+    );
+    let mut best = [[Best::NONE; 2]; WAYS.len()];
+    let mut others = [[Best::NONE; 2]; 2];
+    let sets = [&work.points, &work.steps];
+    for round in 0..ROUNDS {
+        for ((_, run), best) in WAYS.iter().zip(&mut best) {
+            for (grid, best) in own.iter().zip(best) {
+                let Some(grid) = grid else { continue };
+                let start = Instant::now();
+                let (sum, count) = std::hint::black_box(run(grid, &work));
+                best.take(start.elapsed().as_secs_f64() / count as f64, sum);
             }
-            assert_eq!(sums[0].to_bits(), sums[1].to_bits(), "{name}: {way}");
-            let [wide, narrow] = best.map(|seconds| 1e-6 / seconds);
-            println!(
-                "{name:<26}{way:<20}{narrow:>12.1}{wide:>12.1}{:>8.2}",
-                narrow / wide
-            );
         }
+        if let Some(peers) = peers.filter(|_| round % PEER_EVERY == 0) {
+            for Answer {
+                points,
+                library,
+                seconds,
+                sum,
+            } in peers.lookups(file, &wide, &sets)
+            {
+                let each = seconds / sets[points].len() as f64;
+                others[points][library].take(each, sum);
+            }
+        }
+    }
+    for ((way, _), best) in WAYS.iter().zip(&best) {
+        if narrow.is_some() {
+            assert_eq!(best[0].sum, best[1].sum, "{name}: {way}");
+        }
+        let others = match *way {
+            RANDOM => others[0],
+            ALONG => others[1],
+            _ => [Best::NONE; 2],
+        };
+        let rate = |b: &Best| {
+            if b.seconds.is_finite() {
+                format!("{:.1}", 1e-6 / b.seconds)
+            } else {
+                "-".to_owned()
+            }
+        };
+        let ours = best[0].seconds.min(best[1].seconds);
+        let ratio = |b: &Best| {
+            if b.seconds.is_finite() {
+                let off = (b.sum / best[1].sum - 1.0).abs();
+                assert!(off < 1e-4, "{name}: {way}: sums differ by {off:e}");
+                format!("{:.2}", b.seconds / ours)
+            } else {
+                "-".to_owned()
+            }
+        };
+        println!(
+            "{name:<22}{way:<20}{:>9}{:>9}{:>9}{:>9}{:>12}{:>12}",
+            rate(&best[0]),
+            rate(&best[1]),
+            rate(&others[0]),
+            rate(&others[1]),
+            ratio(&others[0]),
+            ratio(&others[1])
+        );
     }
 }

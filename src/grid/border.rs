@@ -18,7 +18,9 @@ use glam::IVec3;
 use rayon::prelude::*;
 
 use super::build::{BuildError, Builder, for_each_apron, for_each_cell};
-use super::{BRICK, BRICK_VALUES, CONSTANT, TABLE, TABLE_BRICKS, TOP_LOG2, corner_index};
+use super::{
+    BRICK, BRICK_VALUES, CONSTANT, TABLE, TABLE_BRICKS, TOP_LOG2, corner_index, top_index,
+};
 
 /// Top cells whose borders are gathered at a time: bounds the scratch memory.
 const BATCH: usize = 64;
@@ -128,7 +130,7 @@ impl Builder {
     /// Makes bricks of the constant regions' cells that border on other values.
     pub(super) fn add_borders(&mut self) -> Result<(), BuildError> {
         let this = &*self;
-        let needs: Vec<(usize, Need)> = (0..this.grid.top.len())
+        let needs: Vec<(usize, Need)> = (0..this.index.top.len())
             .into_par_iter()
             .filter_map(|at| Some((at, this.need(at)?)))
             .collect();
@@ -144,7 +146,7 @@ impl Builder {
         for (at, need) in &needs {
             let Need::Table(pattern) = need else { continue };
             let table = *known.entry(*pattern).or_insert_with(|| {
-                let own = this.grid.top[*at];
+                let own = this.index.top[*at];
                 tables.extend((0..TABLE_BRICKS).map(|slot| {
                     let brick = pattern.brick(in_cell(slot));
                     if brick.is_constant() {
@@ -178,25 +180,25 @@ impl Builder {
         self.values.reserve_exact(bricks.values.len());
         self.values.extend_from_slice(&bricks.values);
         for (brick, entry) in set {
-            self.set_brick(brick, entry);
+            self.index.set_brick(brick, entry);
         }
-        let first = self.grid.tables.len() / TABLE_BRICKS;
-        self.grid.tables.extend_from_slice(&tables);
+        let first = self.index.tables.len() / TABLE_BRICKS;
+        self.index.tables.extend_from_slice(&tables);
         for (at, table) in table_of {
-            self.grid.top[at] = (first + table) as u32;
+            self.index.top[at] = (first + table) as u32;
         }
         Ok(())
     }
 
     /// What the top cell `at` needs, if anything.
     fn need(&self, at: usize) -> Option<Need> {
-        let grid = &self.grid;
-        let cell = grid.top_cell(at);
+        let index = &self.index;
+        let cell = index.top_cell(at);
         let mut entries = [CONSTANT; 8];
         for (i, entry) in entries.iter_mut().enumerate() {
             let c = (cell + neighbour(i)).as_uvec3();
-            if c.cmplt(grid.dims).all() {
-                *entry = grid.top[grid.top_index(c)];
+            if c.cmplt(index.dims).all() {
+                *entry = index.top[top_index(index.dims, c)];
             }
         }
         if entries == [CONSTANT; 8] {
@@ -212,31 +214,29 @@ impl Builder {
 
     /// The pattern of the cube at `lowest`, if it and its neighbours are all constants.
     fn pattern(&self, entries: [u32; 8], lowest: IVec3, edge: i32) -> Option<Pattern> {
-        if entries.iter().any(|e| e & CONSTANT == 0) {
-            return None;
+        let mut values = [0; 8];
+        for (value, entry) in values.iter_mut().zip(entries) {
+            *value = self.index.constant_value(entry)?.to_bits();
         }
-        let values = entries.map(|e| self.grid.constants[(e & !CONSTANT) as usize].to_bits());
         Some(Pattern::new(values, self.clip, lowest, edge))
     }
 
     /// The bricks of one top cell that borders need.
     fn borders_of(&self, at: usize) -> Vec<(IVec3, Border)> {
-        let lowest = self.grid.top_cell(at) * TABLE;
+        let lowest = self.index.top_cell(at) * TABLE;
         let mut found = Vec::new();
         for slot in 0..TABLE_BRICKS {
             let brick = lowest + in_cell(slot);
-            let entry = self.grid.entry(brick);
-            if entry & CONSTANT == 0 {
+            let Some(own) = self.index.constant_value(self.index.entry(brick)) else {
                 continue;
-            }
-            let entries = std::array::from_fn(|i| self.grid.entry(brick + neighbour(i)));
+            };
+            let entries = std::array::from_fn(|i| self.index.entry(brick + neighbour(i)));
             if let Some(pattern) = self.pattern(entries, brick * BRICK, BRICK) {
                 if !pattern.is_constant() {
                     found.push((brick, Border::Pattern(pattern)));
                 }
                 continue;
             }
-            let own = self.grid.constants[(entry & !CONSTANT) as usize];
             let mut values = Box::new([own; BRICK_VALUES]);
             let mut differs = false;
             let mut take = |v: IVec3| {

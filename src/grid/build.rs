@@ -6,15 +6,12 @@
 //! looks at a neighbour (border.rs); bricks that turn out equal share their storage (compact.rs), and
 //! values that fit in 16 bits take no more (values.rs).
 
-use glam::{DAffine3, IVec3, UVec3};
+use glam::{DAffine3, IVec3};
 use rayon::prelude::*;
 use thiserror::Error;
 
-use super::values::Values;
-use super::{
-    APRON, BRICK, BRICK_VALUES, CONSTANT, Grid, TABLE_BRICKS, TOP_LOG2, corner_index, in_table,
-};
-use crate::ray::Bounds;
+use super::index::{Index, top_of};
+use super::{APRON, BRICK, BRICK_VALUES, CONSTANT, Grid, TOP_LOG2, corner_index};
 
 /// Most top cells a grid may span: 64 MiB of index. Two voxels 10^9 apart would need more;
 /// a real cloud of 2000^3 voxels has 4096.
@@ -78,12 +75,14 @@ pub enum BuildError {
 
 /// A grid under construction.
 pub(super) struct Builder {
-    /// All but the values of its bricks.
-    pub(super) grid: Grid,
+    /// Which bricks and constants are where.
+    pub(super) index: Index,
     /// The values of its bricks, 9^3 each, z fastest.
     pub(super) values: Vec<f32>,
     /// Voxels outside this box are 0 whatever the tree says (backgrounds other than 0).
     pub(super) clip: Option<[IVec3; 2]>,
+    /// Index to world. \[m\]
+    pub(super) index_to_world: DAffine3,
 }
 
 impl Grid {
@@ -103,12 +102,7 @@ impl Grid {
         builder.clip_leaves(topology);
         builder.add_borders()?;
         builder.fill_aprons(topology);
-        builder.compact();
-        let values = Values::new(builder.values);
-        Ok(Self {
-            values,
-            ..builder.grid
-        })
+        Ok(builder.finish()?)
     }
 
     /// A grid of the values of a function over a box of voxels (inclusive); 0 outside.
@@ -206,7 +200,7 @@ impl Builder {
             // The background fills all of the active box, and nothing is left outside it.
             (lo, hi) = (a, b);
         }
-        let mut grid = Self::empty(map);
+        let mut index = Index::empty();
         if lo.cmple(hi).all() {
             // One voxel more on either side, where the interpolant falls to 0.
             let lo = lo.saturating_sub(IVec3::ONE) >> TOP_LOG2 as i32;
@@ -222,92 +216,21 @@ impl Builder {
                     cells,
                 });
             }
-            grid.origin = lo << TOP_LOG2 as i32;
-            grid.dims = dims;
-            grid.top = vec![CONSTANT; cells as usize];
+            index.origin = lo << TOP_LOG2 as i32;
+            index.dims = dims;
+            index.top = vec![CONSTANT; cells as usize];
         }
-        let clip = clip.map(|[a, b]| [a - grid.origin, b - grid.origin]);
-        let mut builder = Self {
-            grid,
+        let clip = clip.map(|[a, b]| [a - index.origin, b - index.origin]);
+        if let (Some([a, b]), true) = (clip, topology.background != 0.0) {
+            let background = index.constant(topology.background);
+            index.set_top(top_of(a), top_of(b), background);
+        }
+        Ok(Self {
+            index,
             values: Vec::new(),
             clip,
-        };
-        if let (Some([a, b]), true) = (builder.clip, topology.background != 0.0) {
-            let background = builder.constant(topology.background);
-            let (a, b) = (a >> TOP_LOG2 as i32, b >> TOP_LOG2 as i32);
-            builder.for_each_top_in(a, b, |entry| *entry = background);
-        }
-        Ok(builder)
-    }
-
-    /// The field that is 0 everywhere.
-    fn empty(index_to_world: DAffine3) -> Grid {
-        Grid {
-            origin: IVec3::ZERO,
-            dims: UVec3::ZERO,
-            top: Vec::new(),
-            tables: Vec::new(),
-            constants: vec![0.0],
-            values: Values::Full(Vec::new()),
-            ranges: Vec::new(),
-            support: Bounds::EMPTY,
-            range: [0.0; 2],
-            index_to_world,
-        }
-    }
-
-    /// Entry of a constant, added if it is new.
-    pub(super) fn constant(&mut self, value: f32) -> u32 {
-        let constants = &mut self.grid.constants;
-        // Tiles of a file hold few distinct values; the last ones are the likeliest.
-        let at = constants
-            .iter()
-            .rev()
-            .take(16)
-            .position(|c| c.to_bits() == value.to_bits());
-        let index = match at {
-            Some(back) => constants.len() - 1 - back,
-            None => {
-                constants.push(value);
-                constants.len() - 1
-            }
-        };
-        CONSTANT | index as u32
-    }
-
-    /// Applies to the entries of top cells a..=b that the grid has.
-    fn for_each_top_in(&mut self, a: IVec3, b: IVec3, mut f: impl FnMut(&mut u32)) {
-        let a = a.max(IVec3::ZERO);
-        let b = b.min(self.grid.dims.as_ivec3() - IVec3::ONE);
-        for x in a.x..=b.x {
-            for y in a.y..=b.y {
-                for z in a.z..=b.z {
-                    let at = self.grid.top_index(IVec3::new(x, y, z).as_uvec3());
-                    f(&mut self.grid.top[at]);
-                }
-            }
-        }
-    }
-
-    /// Sets the entry of a brick, making the table it lies in.
-    pub(super) fn set_brick(&mut self, brick: IVec3, entry: u32) {
-        let cell = (brick >> 4i32).as_uvec3();
-        if cell.cmpge(self.grid.dims).any() {
-            return;
-        }
-        let at = self.grid.top_index(cell);
-        let table = match self.grid.top[at] {
-            constant if constant & CONSTANT != 0 => {
-                let table = (self.grid.tables.len() / TABLE_BRICKS) as u32;
-                self.grid
-                    .tables
-                    .resize(self.grid.tables.len() + TABLE_BRICKS, constant);
-                self.grid.top[at] = table;
-                table
-            }
-            table => table,
-        };
-        self.grid.tables[table as usize * TABLE_BRICKS + in_table(brick)] = entry;
+            index_to_world: map,
+        })
     }
 
     /// Enters tiles, coarse ones first, then leaves.
@@ -315,24 +238,25 @@ impl Builder {
         let mut tiles = topology.tiles.clone();
         tiles.sort_by_key(|tile| std::cmp::Reverse(tile.log2_size));
         for tile in tiles {
-            let entry = self.constant(tile.value);
-            let lo = tile.origin - self.grid.origin;
+            let entry = self.index.constant(tile.value);
+            let lo = tile.origin - self.index.origin;
             if tile.log2_size == 3 {
-                self.set_brick(lo >> 3, entry);
+                self.index.set_brick(lo >> 3, entry);
             } else {
                 let hi = lo + IVec3::splat((1 << tile.log2_size) - 1);
-                self.for_each_top_in(lo >> TOP_LOG2 as i32, hi >> TOP_LOG2 as i32, |e| *e = entry);
+                self.index.set_top(top_of(lo), top_of(hi), entry);
             }
         }
-        for (index, &leaf) in topology.leaves.iter().enumerate() {
-            self.set_brick((leaf - self.grid.origin) >> 3, index as u32);
+        for (number, &leaf) in topology.leaves.iter().enumerate() {
+            let brick = (leaf - self.index.origin) >> 3;
+            self.index.set_brick(brick, number as u32);
         }
     }
 
     /// Zeroes leaf values outside the clip box.
     fn clip_leaves(&mut self, topology: &Topology) {
         let Some([a, b]) = self.clip else { return };
-        let origin = self.grid.origin;
+        let origin = self.index.origin;
         self.values
             .par_chunks_mut(BRICK_VALUES)
             .zip(&topology.leaves)
@@ -357,17 +281,15 @@ impl Builder {
         {
             return 0.0;
         }
-        let entry = self.grid.entry(voxel >> 3);
-        if entry & CONSTANT != 0 {
-            self.grid.constants[(entry & !CONSTANT) as usize]
-        } else {
-            self.values[entry as usize * BRICK_VALUES + corner_index(voxel & 7)]
-        }
+        let entry = self.index.entry(voxel >> 3);
+        self.index
+            .constant_value(entry)
+            .unwrap_or_else(|| self.values[entry as usize * BRICK_VALUES + corner_index(voxel & 7)])
     }
 
     /// Reads every leaf brick's apron from its neighbours.
     fn fill_aprons(&mut self, topology: &Topology) {
-        let origin = self.grid.origin;
+        let origin = self.index.origin;
         let apron = APRON.pow(3) - (BRICK as usize).pow(3);
         let mut scratch = vec![0.0; BATCH * apron];
         for (batch, leaves) in topology.leaves.chunks(BATCH).enumerate() {

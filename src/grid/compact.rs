@@ -1,25 +1,31 @@
-//! Equal bricks share their storage; what is left is measured.
+//! Equal bricks share their storage, and keep of it only what is not 0; the rest is measured.
 //!
 //! A brick of 9^3 equal values becomes a constant; bricks of the same bits become one, found by a
-//! hash and proven by comparison; a table of one constant becomes a constant too. The field stays
-//! what it is, bit for bit.
+//! hash and proven by comparison; a brick gives up what lies outside the box of its values that
+//! are not 0, one voxel more on either side where the interpolant falls to 0; a table of one
+//! constant becomes a constant too. The field stays what it is, bit for bit.
 
 use std::collections::HashMap;
 
 use glam::IVec3;
 use rayon::prelude::*;
 
-use super::build::Builder;
-use super::{BRICK, BRICK_VALUES, CONSTANT, Grid, TABLE, TABLE_BRICKS, corner_index};
+use super::build::{BuildError, Builder};
+use super::index::Index;
+use super::place::Place;
+use super::values::Values;
+use super::{APRON, BRICK, BRICK_VALUES, CONSTANT, Grid, TABLE, TABLE_BRICKS, corner_index};
 use crate::ray::Bounds;
 
 /// What a pass over a brick's values finds.
 struct Summary {
     range: [f32; 2],
     hash: u64,
+    /// Lowest corner and size of the box outside whose cells all values are 0.
+    kept: [IVec3; 2],
 }
 
-/// Range and hash of a brick's values.
+/// Range, hash and box of a brick's values.
 fn summary(brick: &[f32]) -> Summary {
     let mut range = [f32::MAX, f32::MIN];
     // A multiplicative hash in four lanes, which do not wait for one another.
@@ -34,7 +40,37 @@ fn summary(brick: &[f32]) -> Summary {
     let hash = lanes.into_iter().fold(0u64, |hash, lane| {
         (hash.rotate_left(23) ^ lane).wrapping_mul(MULTIPLIER)
     });
-    Summary { range, hash }
+    Summary {
+        range,
+        hash,
+        kept: kept(brick),
+    }
+}
+
+/// Lowest corner and size of the box outside whose cells all values of a brick are 0.
+fn kept(brick: &[f32]) -> [IVec3; 2] {
+    // Which planes across each axis hold a bit that is not 0 (so that -0 stays).
+    let mut planes = [0u32; 3];
+    let mut along_z = [0u32; APRON];
+    for (row, values) in brick.chunks_exact(APRON).enumerate() {
+        let mut any = 0;
+        for (all, value) in along_z.iter_mut().zip(values) {
+            *all |= value.to_bits();
+            any |= value.to_bits();
+        }
+        if any != 0 {
+            planes[0] |= 1 << (row / APRON);
+            planes[1] |= 1 << (row % APRON);
+        }
+    }
+    for (z, any) in along_z.into_iter().enumerate() {
+        planes[2] |= u32::from(any != 0) << z;
+    }
+    // Cells on either side of a plane touch it.
+    let low = planes.map(|p| (p.trailing_zeros() as i32 - 1).max(0));
+    let high = planes.map(|p| (32 - p.leading_zeros() as i32).min(BRICK));
+    let low = IVec3::from_array(low);
+    [low, IVec3::from_array(high) - low + IVec3::ONE]
 }
 
 /// True if two bricks have the same bits.
@@ -43,117 +79,135 @@ fn same(a: &[f32], b: &[f32]) -> bool {
 }
 
 impl Builder {
-    /// Constants and equal bricks give their storage back; ranges, support.
-    pub(super) fn compact(&mut self) {
+    /// The finished grid: constants and equal bricks give their storage back.
+    pub(super) fn finish(mut self) -> Result<Grid, BuildError> {
         let summaries: Vec<Summary> = self.values.par_chunks(BRICK_VALUES).map(summary).collect();
         let mut renamed = Vec::with_capacity(summaries.len());
         // Two different bricks of one hash are kept apart: the second is just not shared.
-        let mut known: HashMap<u64, u32> = HashMap::with_capacity(summaries.len());
-        let mut kept = 0;
-        for (index, Summary { range, hash }) in summaries.into_iter().enumerate() {
-            let [lo, hi] = range;
+        let mut known: HashMap<u64, (usize, u32)> = HashMap::with_capacity(summaries.len());
+        let mut own = Vec::new();
+        for (index, Summary { range, hash, .. }) in summaries.iter().enumerate() {
+            let [lo, hi] = *range;
             if lo == hi {
-                renamed.push(self.constant(lo));
+                renamed.push(self.index.constant(lo));
                 continue;
             }
-            let from = index * BRICK_VALUES;
-            let values = &mut self.values;
-            let first = *known.entry(hash).or_insert(kept);
-            if first < kept {
-                let at = first as usize * BRICK_VALUES;
-                if same(
-                    &values[at..at + BRICK_VALUES],
-                    &values[from..from + BRICK_VALUES],
-                ) {
-                    renamed.push(first);
-                    continue;
-                }
+            let next = own.len() as u32;
+            let (first, name) = *known.entry(*hash).or_insert((index, next));
+            let of = |index: usize| &self.values[index * BRICK_VALUES..][..BRICK_VALUES];
+            if first < index && same(of(first), of(index)) {
+                renamed.push(name);
+                continue;
             }
-            values.copy_within(from..from + BRICK_VALUES, kept as usize * BRICK_VALUES);
-            self.grid.ranges.push(range);
-            renamed.push(kept);
-            kept += 1;
+            renamed.push(next);
+            own.push(index);
         }
-        self.values.truncate(kept as usize * BRICK_VALUES);
-        self.values.shrink_to_fit();
-        self.grid.ranges.shrink_to_fit();
-        self.grid.constants.shrink_to_fit();
-        self.grid
+        let own = self.pack(&own, &summaries)?;
+        self.index
             .tables
             .par_iter_mut()
             .filter(|entry| **entry & CONSTANT == 0)
             .for_each(|entry| {
                 *entry = renamed[*entry as usize];
             });
-        self.dissolve_tables();
-        self.measure();
-    }
+        self.index.dissolve_tables();
+        let extent = extent(&self.index, &own);
 
-    /// Tables of one constant become that constant.
-    fn dissolve_tables(&mut self) {
-        let grid = &mut self.grid;
-        let value = |entry: u32| {
-            let constant = entry & CONSTANT != 0;
-            constant.then(|| grid.constants[(entry & !CONSTANT) as usize].to_bits())
-        };
-        let mut renamed = Vec::with_capacity(grid.tables.len() / TABLE_BRICKS);
-        let mut kept = 0;
-        for index in 0..grid.tables.len() / TABLE_BRICKS {
-            let from = index * TABLE_BRICKS;
-            let table = &grid.tables[from..from + TABLE_BRICKS];
-            let first = value(table[0]);
-            if first.is_some() && table.iter().all(|entry| value(*entry) == first) {
-                renamed.push(table[0]);
-                continue;
+        let constants = self.values.len();
+        let each = self.index.constants.iter();
+        self.values.reserve_exact(2 * each.len());
+        self.values.extend(each.flat_map(|value| [*value; 2]));
+        self.values.shrink_to_fit();
+        let place = |entry: &u32| {
+            if entry & CONSTANT == 0 {
+                own[*entry as usize].place
+            } else {
+                Place::constant(constants + 2 * (entry & !CONSTANT) as usize)
             }
-            grid.tables
-                .copy_within(from..from + TABLE_BRICKS, kept * TABLE_BRICKS);
-            renamed.push(kept as u32);
-            kept += 1;
-        }
-        grid.tables.truncate(kept * TABLE_BRICKS);
-        grid.tables.shrink_to_fit();
-        for entry in grid.top.iter_mut().filter(|e| **e & CONSTANT == 0) {
-            *entry = renamed[*entry as usize];
-        }
+        };
+        Ok(Grid {
+            origin: self.index.origin,
+            dims: self.index.dims,
+            top: self.index.top,
+            tables: self.index.tables.par_iter().map(place).collect(),
+            values: Values::new(self.values),
+            constants,
+            bricks: own.len(),
+            support: extent.support,
+            range: extent.range,
+            index_to_world: self.index_to_world,
+        })
     }
 
-    /// Support and range of the field.
-    fn measure(&mut self) {
-        let grid = &self.grid;
-        let tables: Vec<Extent> = grid
-            .tables
-            .par_chunks(TABLE_BRICKS)
-            .map(|table| table_extent(grid, &self.values, table))
-            .collect();
-        let whole = Bounds {
-            min: IVec3::ZERO.as_vec3(),
-            max: IVec3::splat(TABLE * BRICK).as_vec3(),
-        };
-        let extent = (0..grid.top.len())
-            .into_par_iter()
-            .map(|at| {
-                let entry = grid.top[at];
-                let extent = if entry & CONSTANT == 0 {
-                    tables[entry as usize]
-                } else {
-                    let value = grid.constants[(entry & !CONSTANT) as usize];
-                    let support = if value == 0.0 { Bounds::EMPTY } else { whole };
-                    Extent::new(support, [value; 2])
-                };
-                let corner = (grid.top_cell(at) * TABLE * BRICK).as_vec3();
-                Extent {
-                    support: Bounds {
-                        min: extent.support.min + corner,
-                        max: extent.support.max + corner,
-                    },
-                    ..extent
+    /// Moves the boxes of the bricks that are kept together.
+    fn pack(&mut self, own: &[usize], summaries: &[Summary]) -> Result<Vec<Packed>, BuildError> {
+        let mut end = 0;
+        let mut packed = Vec::with_capacity(own.len());
+        for &index in own {
+            let Summary {
+                range,
+                kept: [low, size],
+                ..
+            } = summaries[index];
+            packed.push(Packed {
+                range,
+                place: Place::new(end, low, size),
+            });
+            for x in low.x..low.x + size.x {
+                for y in low.y..low.y + size.y {
+                    let from = index * BRICK_VALUES + corner_index(IVec3::new(x, y, low.z));
+                    let row = size.z as usize;
+                    self.values.copy_within(from..from + row, end);
+                    end += row;
                 }
-            })
-            .reduce(|| Extent::NONE, |a, b| a.merge(&b));
-        self.grid.support = extent.support;
-        self.grid.range = extent.range;
+            }
+        }
+        // Constants follow.
+        if (end + 2 * self.index.constants.len()) as u64 >= Place::END {
+            return Err(BuildError::TooManyBricks { bricks: own.len() });
+        }
+        self.values.truncate(end);
+        Ok(packed)
     }
+}
+
+/// A brick whose values have found their place.
+struct Packed {
+    /// Smallest and largest value.
+    range: [f32; 2],
+    place: Place,
+}
+
+/// Support and range of the field.
+fn extent(index: &Index, own: &[Packed]) -> Extent {
+    let tables: Vec<Extent> = index
+        .tables
+        .par_chunks(TABLE_BRICKS)
+        .map(|table| table_extent(index, own, table))
+        .collect();
+    let whole = Bounds {
+        min: IVec3::ZERO.as_vec3(),
+        max: IVec3::splat(TABLE * BRICK).as_vec3(),
+    };
+    (0..index.top.len())
+        .into_par_iter()
+        .map(|at| {
+            let entry = index.top[at];
+            let extent = match index.constant_value(entry) {
+                None => tables[entry as usize],
+                Some(0.0) => Extent::NONE,
+                Some(value) => Extent::new(whole, [value; 2]),
+            };
+            let corner = (index.top_cell(at) * TABLE * BRICK).as_vec3();
+            Extent {
+                support: Bounds {
+                    min: extent.support.min + corner,
+                    max: extent.support.max + corner,
+                },
+                ..extent
+            }
+        })
+        .reduce(|| Extent::NONE, |a, b| a.merge(&b))
 }
 
 /// Where a field differs from 0, and how much.
@@ -189,40 +243,24 @@ impl Extent {
 }
 
 /// Support and range of the field in one table, from its corner.
-fn table_extent(grid: &Grid, values: &[f32], table: &[u32]) -> Extent {
+fn table_extent(index: &Index, own: &[Packed], table: &[u32]) -> Extent {
     let mut extent = Extent::NONE;
-    for (slot, &entry) in table.iter().enumerate() {
-        let [lo, hi] = grid.entry_range(entry);
-        if lo == 0.0 && hi == 0.0 {
-            continue;
-        }
-        let slot = slot as i32;
-        let corner = IVec3::new(slot >> 8, slot >> 4 & 15, slot & 15) * BRICK;
-        let (mut low, mut high) = (IVec3::ZERO, IVec3::splat(BRICK));
-        if entry & CONSTANT == 0 {
-            let start = entry as usize * BRICK_VALUES;
-            let values = &values[start..start + BRICK_VALUES];
-            let mut voxels = (IVec3::MAX, IVec3::MIN);
-            for x in 0..=BRICK {
-                for y in 0..=BRICK {
-                    for z in 0..=BRICK {
-                        let v = IVec3::new(x, y, z);
-                        if values[corner_index(v)] != 0.0 {
-                            voxels = (voxels.0.min(v), voxels.1.max(v));
-                        }
-                    }
-                }
+    for (slot, &entry) in (0i32..).zip(table) {
+        let (low, high, range) = match index.constant_value(entry) {
+            Some(0.0) => continue,
+            Some(value) => (IVec3::ZERO, IVec3::splat(BRICK), [value; 2]),
+            None => {
+                let Packed { range, place } = own[entry as usize];
+                let low = place.low();
+                (low, low + place.size() - IVec3::ONE, range)
             }
-            // The interpolant reaches one voxel beyond, and this brick holds the cells from its
-            // corner on.
-            low = (voxels.0 - IVec3::ONE).max(low);
-            high = (voxels.1 + IVec3::ONE).min(high);
-        }
+        };
+        let corner = IVec3::new(slot >> 8, slot >> 4 & 15, slot & 15) * BRICK;
         let support = Bounds {
             min: (corner + low).as_vec3(),
             max: (corner + high).as_vec3(),
         };
-        extent = extent.merge(&Extent::new(support, [lo, hi]));
+        extent = extent.merge(&Extent::new(support, range));
     }
     extent
 }

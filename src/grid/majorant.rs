@@ -25,7 +25,8 @@
 use glam::{IVec3, UVec3, Vec3};
 use rayon::prelude::*;
 
-use super::{BRICK, CONSTANT, Grid, TABLE, TABLE_BRICKS, in_table};
+use super::place::Place;
+use super::{BRICK, Grid, TABLE, TABLE_BRICKS, in_table, top_cell, top_index};
 use crate::ray::{Bounds, Ray, reciprocal};
 
 /// Optical range of a merged cell. Larger: more null collisions; smaller: more steps.
@@ -101,10 +102,10 @@ impl MajorantGrid {
             .top
             .iter()
             .map(|&entry| {
-                if entry & CONSTANT == 0 {
+                let Some(place) = grid.constant_place(entry) else {
                     return wholes[entry as usize];
-                }
-                let [minorant, majorant] = grid.entry_range(entry);
+                };
+                let [minorant, majorant] = grid.range_at(place);
                 Cell {
                     majorant,
                     minorant,
@@ -148,7 +149,7 @@ impl MajorantGrid {
             if c.cmpge(self.dims).any() {
                 continue;
             }
-            let cell = self.top[self.top_index(c)];
+            let cell = self.top[top_index(self.dims, c)];
             if cell.link != level {
                 return;
             }
@@ -162,7 +163,7 @@ impl MajorantGrid {
         for x in lowest.x..high.x {
             for y in lowest.y..high.y {
                 for z in lowest.z..high.z {
-                    let at = self.top_index(UVec3::new(x, y, z));
+                    let at = top_index(self.dims, UVec3::new(x, y, z));
                     self.top[at] = Cell {
                         minorant: bounds[0],
                         majorant: bounds[1],
@@ -173,12 +174,6 @@ impl MajorantGrid {
         }
     }
 
-    /// Linear index of a top cell.
-    #[inline]
-    fn top_index(&self, c: UVec3) -> usize {
-        (c.x as usize * self.dims.y as usize + c.y as usize) * self.dims.z as usize + c.z as usize
-    }
-
     /// The merged cell that a brick is in; none outside the grid.
     #[inline]
     fn cell(&self, brick: IVec3) -> Option<Cell> {
@@ -186,7 +181,7 @@ impl MajorantGrid {
         if c.cmpge(self.dims).any() {
             return None;
         }
-        let cell = self.top[self.top_index(c)];
+        let cell = self.top[top_index(self.dims, c)];
         if cell.link & DESCEND == 0 {
             return Some(cell);
         }
@@ -219,9 +214,8 @@ impl MajorantGrid {
                 visit(corner(brick), corner(brick + size), cell.majorant);
             }
         };
-        for (at, cell) in (0u32..).zip(&self.top) {
-            let (y, z) = (self.dims.y, self.dims.z);
-            let lowest = UVec3::new(at / z / y, at / z % y, at % z).as_ivec3() * TABLE;
+        for (at, cell) in self.top.iter().enumerate() {
+            let lowest = top_cell(self.dims, at) * TABLE;
             if cell.link & DESCEND == 0 {
                 one(lowest, *cell);
                 continue;
@@ -271,11 +265,11 @@ impl MajorantGrid {
 }
 
 /// Bounds of the bricks of one table, merged; an empty list where the whole cell is one.
-fn merge_table(grid: &Grid, table: &[u32], weight: f32) -> (Cell, Vec<Cell>) {
+fn merge_table(grid: &Grid, table: &[Place], weight: f32) -> (Cell, Vec<Cell>) {
     let mut cells: Vec<Cell> = table
         .iter()
-        .map(|&entry| {
-            let [minorant, majorant] = grid.entry_range(entry);
+        .map(|&place| {
+            let [minorant, majorant] = grid.range_at(place);
             Cell {
                 majorant,
                 minorant,

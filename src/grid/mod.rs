@@ -5,8 +5,8 @@
 //! ```
 //!
 //! Layout. Bricks of 8^3 cells hold the 9^3 values that their cells touch (an apron on the high
-//! side), so that any lookup reads one brick: about 1.4 times the memory of bare 8^3 bricks, and
-//! no neighbour is ever looked up. Two index levels lead to a brick: a dense array over cells of
+//! side), so that any lookup reads one brick and no neighbour is ever looked up; of these values
+//! they store the box that differs from 0 (place.rs). Two index levels lead to a brick: a dense array over cells of
 //! 128^3 voxels, each empty, constant, or a table of 16^3 bricks; a brick whose 9^3 values are
 //! equal is a constant in its table and takes no storage. Equal bricks are stored once, and so are
 //! tables between constants: entries may name the same one. A sparse 2000^3 cloud has 4096
@@ -23,14 +23,17 @@
 mod border;
 pub mod build;
 mod compact;
+mod index;
 pub mod load;
 pub mod majorant;
+mod place;
 mod values;
 pub mod walk;
 
 use glam::{DAffine3, DVec3, IVec3, UVec3, Vec3};
+use wide::f32x4;
 
-pub use self::values::BrickValues;
+use self::place::{Place, Spot};
 use self::values::Values;
 use crate::ray::Bounds;
 
@@ -59,14 +62,14 @@ pub struct Grid {
     dims: UVec3,
     /// Entry of each top cell: a table, or a constant.
     top: Vec<u32>,
-    /// Entries of each table's bricks: a brick, or a constant.
-    tables: Vec<u32>,
-    /// Values of constant cells; the first is 0.
-    constants: Vec<f32>,
-    /// Values of bricks.
+    /// Places of each table's bricks.
+    tables: Vec<Place>,
+    /// Values of bricks, then of constants, each of those twice; the first constant is 0.
     values: Values,
-    /// Smallest and largest value of each brick.
-    ranges: Vec<[f32; 2]>,
+    /// Index of the first constant.
+    constants: usize,
+    /// Bricks with values of their own.
+    bricks: usize,
     /// Where the field can differ from 0, local coordinates.
     support: Bounds,
     /// Smallest and largest value anywhere.
@@ -84,6 +87,55 @@ pub enum Brick<'a> {
     Values(BrickValues<'a>),
 }
 
+/// The 9^3 values of a brick.
+#[derive(Debug, Clone, Copy)]
+pub struct BrickValues<'a> {
+    grid: &'a Grid,
+    place: Place,
+}
+
+impl BrickValues<'_> {
+    /// The corners of the cell with lower corner `cell` (0..8).
+    #[inline]
+    #[must_use]
+    pub fn corners(&self, cell: IVec3) -> Corners {
+        let spot = self.place.spot(cell.to_array(), self.grid.constants);
+        self.grid.values.corners(spot)
+    }
+
+    /// The value at a corner, 0..=8 along each axis.
+    #[must_use]
+    pub fn at(&self, corner: IVec3) -> f32 {
+        let cell = corner.min(IVec3::splat(BRICK - 1));
+        let [x, y, z] = (corner - cell).to_array();
+        let Corners { low, high } = self.corners(cell);
+        (if z == 0 { low } else { high }).to_array()[(2 * x + y) as usize]
+    }
+}
+
+/// Linear index of a top cell.
+#[inline]
+fn top_index(dims: UVec3, cell: UVec3) -> usize {
+    (cell.x as usize * dims.y as usize + cell.y as usize) * dims.z as usize + cell.z as usize
+}
+
+/// Coordinates of the top cell at a linear index.
+fn top_cell(dims: UVec3, at: usize) -> IVec3 {
+    let (y, z) = (dims.y as usize, dims.z as usize);
+    UVec3::new((at / z / y) as u32, (at / z % y) as u32, (at % z) as u32).as_ivec3()
+}
+
+/// The voxel below a point on all axes, and where between it and the next the point lies.
+#[inline]
+fn cell_and_fraction(p: Vec3) -> ([i32; 3], Vec3) {
+    let p = f32x4::new([p.x, p.y, p.z, 0.0]);
+    let floor = p.floor();
+    // Not a number, or too far for an integer: i32::MIN, which is outside.
+    let [x, y, z, _] = floor.fast_trunc_int().to_array();
+    let [u, v, w, _] = (p - floor).to_array();
+    ([x, y, z], Vec3::new(u, v, w))
+}
+
 /// Linear index of a brick in its table.
 #[inline]
 fn in_table(brick: IVec3) -> usize {
@@ -95,12 +147,8 @@ impl Grid {
     #[inline]
     #[must_use]
     pub fn lookup(&self, p: Vec3) -> f32 {
-        let floor = p.floor();
-        let cell = floor.as_ivec3();
-        match self.brick(cell >> 3) {
-            Brick::Constant(value) => value,
-            Brick::Values(values) => values.corners(cell).at(p - floor),
-        }
+        let (cell, f) = cell_and_fraction(p);
+        self.values.corners(self.spot(cell)).at(f)
     }
 
     /// The value at one corner of p's cell, chosen with the probability of its trilinear weight:
@@ -109,81 +157,86 @@ impl Grid {
     #[inline]
     #[must_use]
     pub fn lookup_one_tap(&self, p: Vec3, u: Vec3) -> f32 {
-        let floor = p.floor();
-        let cell = floor.as_ivec3();
-        match self.brick(cell >> 3) {
-            Brick::Constant(value) => value,
-            Brick::Values(values) => {
-                let up = u.cmplt(p - floor);
-                let corner = (cell & 7) + IVec3::new(up.x.into(), up.y.into(), up.z.into());
-                values.at(corner)
-            }
-        }
+        let (cell, f) = cell_and_fraction(p);
+        let Spot { start, row, slab } = self.spot(cell);
+        let [x, y, z] = [u.x < f.x, u.y < f.y, u.z < f.z].map(usize::from);
+        self.values.at(start + x * slab + y * row + z)
     }
 
     /// The value at a local voxel.
     #[must_use]
     pub fn voxel(&self, voxel: IVec3) -> f32 {
-        match self.brick(voxel >> 3) {
-            Brick::Constant(value) => value,
-            Brick::Values(values) => values.at(voxel & 7),
-        }
+        self.values.at(self.spot(voxel.to_array()).start)
     }
 
     /// The brick at brick coordinates (local voxels / 8); 0 outside the grid.
     #[inline]
     #[must_use]
     pub fn brick(&self, brick: IVec3) -> Brick<'_> {
-        let entry = self.entry(brick);
-        if entry & CONSTANT != 0 {
-            return Brick::Constant(self.constants[(entry & !CONSTANT) as usize]);
-        }
-        match self.values.brick(entry as usize) {
-            Some(values) => Brick::Values(values),
-            None => Brick::Constant(0.0),
+        let place = self.place((brick * BRICK).to_array());
+        if place.is_constant() {
+            Brick::Constant(self.values.at(place.start()))
+        } else {
+            Brick::Values(BrickValues { grid: self, place })
         }
     }
 
     /// Smallest and largest value of the interpolated field in a brick's cells, faces included.
     #[must_use]
     pub fn brick_range(&self, brick: IVec3) -> [f32; 2] {
-        self.entry_range(self.entry(brick))
+        self.range_at(self.place((brick * BRICK).to_array()))
     }
 
-    /// Smallest and largest value of an index entry's brick.
-    fn entry_range(&self, entry: u32) -> [f32; 2] {
-        if entry & CONSTANT != 0 {
-            [self.constants[(entry & !CONSTANT) as usize]; 2]
+    /// Smallest and largest of the 9^3 values at a place.
+    fn range_at(&self, place: Place) -> [f32; 2] {
+        let size = place.size();
+        let count = if place.is_constant() {
+            1
         } else {
-            self.ranges[entry as usize]
+            size.element_product()
+        };
+        let mut range = [f32::MAX, f32::MIN];
+        if count < BRICK_VALUES as i32 && !place.is_constant() {
+            range = [0.0; 2];
         }
+        for index in place.start()..place.start() + count as usize {
+            let value = self.values.at(index);
+            range = [range[0].min(value), range[1].max(value)];
+        }
+        range
     }
 
-    /// Index entry of a brick.
+    /// Place of the value of a top entry that is a constant.
     #[inline]
-    fn entry(&self, brick: IVec3) -> u32 {
-        let cell = (brick >> 4i32).as_uvec3();
-        if cell.cmpge(self.dims).any() {
-            return CONSTANT;
-        }
-        let entry = self.top[self.top_index(cell)];
-        if entry & CONSTANT != 0 {
-            return entry;
-        }
-        self.tables[entry as usize * TABLE_BRICKS + in_table(brick)]
+    fn constant_place(&self, entry: u32) -> Option<Place> {
+        let number = (entry & !CONSTANT) as usize;
+        (entry & CONSTANT != 0).then(|| Place::constant(self.constants + 2 * number))
     }
 
-    /// Linear index of a top cell.
+    /// Place of the brick around a voxel.
+    #[inline(always)]
+    fn place(&self, [x, y, z]: [i32; 3]) -> Place {
+        // A negative coordinate is a large one, and outside.
+        let top = UVec3::new(
+            (x >> TOP_LOG2) as u32,
+            (y >> TOP_LOG2) as u32,
+            (z >> TOP_LOG2) as u32,
+        );
+        if top.x >= self.dims.x || top.y >= self.dims.y || top.z >= self.dims.z {
+            return Place::constant(self.constants);
+        }
+        let entry = self.top[top_index(self.dims, top)];
+        if let Some(place) = self.constant_place(entry) {
+            return place;
+        }
+        let slot = (x << 5 & 0xf00) | (y << 1 & 0xf0) | (z >> 3 & 0xf);
+        self.tables[entry as usize * TABLE_BRICKS + slot as usize]
+    }
+
+    /// Where the corners of the cell with lowest voxel `cell` are.
     #[inline]
-    fn top_index(&self, cell: UVec3) -> usize {
-        (cell.x as usize * self.dims.y as usize + cell.y as usize) * self.dims.z as usize
-            + cell.z as usize
-    }
-
-    /// Coordinates of the top cell at a linear index.
-    fn top_cell(&self, at: usize) -> IVec3 {
-        let (y, z) = (self.dims.y as usize, self.dims.z as usize);
-        UVec3::new((at / z / y) as u32, (at / z % y) as u32, (at % z) as u32).as_ivec3()
+    fn spot(&self, cell: [i32; 3]) -> Spot {
+        self.place(cell).spot(cell, self.constants)
     }
 
     /// Where the field can differ from 0. \[local voxels\]
@@ -219,7 +272,7 @@ impl Grid {
     /// Bricks with storage.
     #[must_use]
     pub fn bricks(&self) -> usize {
-        self.ranges.len()
+        self.bricks
     }
 
     /// Bits that a brick's value takes: 16 where that is exact for the whole grid, else 32.
@@ -240,11 +293,9 @@ impl Grid {
     /// Bytes that the field takes in memory, as allocated.
     #[must_use]
     pub fn memory_bytes(&self) -> usize {
-        let entries = self.top.capacity() + self.tables.capacity();
-        entries * size_of::<u32>()
-            + self.constants.capacity() * size_of::<f32>()
+        self.top.capacity() * size_of::<u32>()
+            + self.tables.capacity() * size_of::<Place>()
             + self.values.memory_bytes()
-            + self.ranges.capacity() * size_of::<[f32; 2]>()
     }
 
     /// Corners of the support in world space. \[m\]
@@ -263,24 +314,29 @@ impl Grid {
     }
 }
 
-/// Linear index of a corner in a brick.
+/// Linear index of a corner among all 9^3 of a brick.
 #[inline]
 #[must_use]
 pub fn corner_index(corner: IVec3) -> usize {
     (corner.x * 81 + corner.y * 9 + corner.z) as usize
 }
 
-/// The eight values around a cell; x-y rows of (z, z + 1).
+/// The eight values around a cell.
 #[derive(Debug, Clone, Copy)]
-pub struct Corners([[f32; 2]; 4]);
+pub struct Corners {
+    /// At z: (x, y), (x, y + 1), (x + 1, y), (x + 1, y + 1).
+    low: f32x4,
+    /// At z + 1.
+    high: f32x4,
+}
 
 impl Corners {
     /// Trilinear at `f` in \[0, 1\]^3.
     #[inline]
     #[must_use]
     pub fn at(&self, f: Vec3) -> f32 {
-        let row = |r: [f32; 2]| (r[1] - r[0]).mul_add(f.z, r[0]);
-        let [a, b, c, d] = self.0.map(row);
+        let along_z = (self.high - self.low).mul_add(f32x4::splat(f.z), self.low);
+        let [a, b, c, d] = along_z.to_array();
         let low = (b - a).mul_add(f.y, a);
         let high = (d - c).mul_add(f.y, c);
         (high - low).mul_add(f.x, low)

@@ -1,31 +1,30 @@
-//! Values of bricks: 16 bits each where no bit is lost, else 32.
+//! Values of bricks and constants, 16 bits each where no bit is lost.
 //!
 //! ```text
-//! 16 bits if   bits(f32(f16(v))) = bits(v)   for every value v of every brick
+//! 16 bits if   v is finite and bits(f32(f16(v))) = bits(v)   for every value v
 //! ```
 //!
 //! Exporters mostly write 16-bit floats, and a decoded one is itself again when rounded: such a
-//! grid takes half the memory and cache. One value that is not (too fine, beyond 65504, a NaN
-//! with bits of its own) keeps the whole grid in f32, so a field never depends on how it is kept.
-//!
-//! The eight corners of a cell are widened by one instruction (VCVTPH2PS, eight at a time) after
-//! four loads of two neighbours in z.
+//! grid takes half the memory and cache. One value that is not (too fine, beyond 65504) keeps the whole grid in f32, so a field never depends on how it is kept.
 //!
 //! Source: IEEE 754-2008, binary16; NanoVDB (Museth 2021) has Fp16 grids, which round.
 
-use glam::IVec3;
 use half::f16;
 use half::slice::HalfFloatSliceExt;
 use half::vec::HalfBitsVecExt;
 use rayon::prelude::*;
+use wide::{f32x4, i32x4};
 
-use super::{BRICK_VALUES, Corners, corner_index};
+use super::Corners;
+use super::place::Spot;
 
 /// Parts in which values are narrowed; each gives its space back before the next, so that no more
 /// than one is there twice.
 const PARTS: usize = 16;
+/// Values that one unit of parallel work looks at.
+const CHUNK: usize = 1 << 12;
 
-/// Values of all bricks of a grid, 9^3 each, z fastest.
+/// Values of a grid, found by their places.
 #[derive(Debug, Clone)]
 pub(super) enum Values {
     /// 32 bits each.
@@ -34,21 +33,12 @@ pub(super) enum Values {
     Half(Vec<f16>),
 }
 
-/// The 9^3 values of a brick.
-#[derive(Debug, Clone, Copy)]
-pub enum BrickValues<'a> {
-    /// 32 bits each.
-    Full(&'a [f32; BRICK_VALUES]),
-    /// 16 bits each.
-    Half(&'a [f16; BRICK_VALUES]),
-}
-
 /// What a value is stored as.
 trait Stored: Copy {
     /// The value.
     fn widen(self) -> f32;
-    /// The values of the corners of a cell.
-    fn widen_corners(corners: [[Self; 2]; 4]) -> [[f32; 2]; 4];
+    /// The corners of a cell from its pairs of neighbours in z.
+    fn widen_pairs(pairs: [[Self; 2]; 4]) -> Corners;
 }
 
 impl Stored for f32 {
@@ -58,8 +48,11 @@ impl Stored for f32 {
     }
 
     #[inline]
-    fn widen_corners(corners: [[Self; 2]; 4]) -> [[f32; 2]; 4] {
-        corners
+    fn widen_pairs(pairs: [[Self; 2]; 4]) -> Corners {
+        Corners {
+            low: f32x4::new(pairs.map(|[low, _]| low)),
+            high: f32x4::new(pairs.map(|[_, high]| high)),
+        }
     }
 }
 
@@ -70,73 +63,59 @@ impl Stored for f16 {
     }
 
     #[inline]
-    fn widen_corners(corners: [[Self; 2]; 4]) -> [[f32; 2]; 4] {
-        let mut wide = [[0.0; 2]; 4];
-        corners
-            .as_flattened()
-            .convert_to_f32_slice(wide.as_flattened_mut());
-        wide
-    }
-}
-
-/// The corners of the cell with lower corner `cell` (0..8).
-#[inline]
-fn corners<S: Stored>(values: &[S; BRICK_VALUES], cell: IVec3) -> Corners {
-    // One bounds check: the furthest corner is 81 + 9 + 1 beyond the lowest.
-    let start = corner_index(cell & 7);
-    let v = &values[start..start + 92];
-    Corners(S::widen_corners([
-        [v[0], v[1]],
-        [v[9], v[10]],
-        [v[81], v[82]],
-        [v[90], v[91]],
-    ]))
-}
-
-/// The 9^3 values of the brick at `index`.
-#[inline]
-fn brick<S>(values: &[S], index: usize) -> Option<&[S; BRICK_VALUES]> {
-    let start = index * BRICK_VALUES;
-    values[start..start + BRICK_VALUES].try_into().ok()
-}
-
-impl BrickValues<'_> {
-    /// The value at a corner, 0..=8 along each axis.
-    #[inline]
-    #[must_use]
-    pub fn at(&self, corner: IVec3) -> f32 {
-        let index = corner_index(corner);
-        match self {
-            Self::Full(values) => values[index].widen(),
-            Self::Half(values) => values[index].widen(),
+    fn widen_pairs(pairs: [[Self; 2]; 4]) -> Corners {
+        // A pair is one load of 32 bits.
+        let two = |[low, high]: [Self; 2]| {
+            (u32::from(high.to_bits()) << 16 | u32::from(low.to_bits())) as i32
+        };
+        let pairs = i32x4::new(pairs.map(two));
+        Corners {
+            low: widen4(pairs),
+            high: widen4(pairs >> 16),
         }
     }
+}
 
-    /// The corners of the cell with lower corner `cell` (0..8).
-    #[inline]
-    #[must_use]
-    pub fn corners(&self, cell: IVec3) -> Corners {
-        match self {
-            Self::Full(values) => corners(values, cell),
-            Self::Half(values) => corners(values, cell),
-        }
-    }
+/// Four finite halves, by their bits, as floats: exponent and fraction move to their new places,
+/// and the exponent's bias grows by 112; what has no implied 1 gets one and gives it back.
+/// Integer arithmetic, because it inlines, where the conversion of a slice is a call.
+#[inline]
+fn widen4(halves: i32x4) -> f32x4 {
+    const BIAS: i32 = 112 << 23;
+    const ONE: i32 = 1 << 23;
+    let size: i32x4 = (halves & i32x4::splat(0x7fff)) << 13;
+    let small = size.simd_lt(i32x4::splat(ONE));
+    let (bias, less) = (i32x4::splat(BIAS), i32x4::splat(BIAS + ONE));
+    let wide: f32x4 = bytemuck::cast(size + bias + (small & i32x4::splat(ONE)));
+    let size = wide - bytemuck::cast::<i32x4, f32x4>(small & less);
+    let sign: i32x4 = (halves & i32x4::splat(0x8000)) << 16;
+    bytemuck::cast(bytemuck::cast::<f32x4, i32x4>(size) | sign)
+}
+
+/// The corners of the cell at a spot.
+#[inline(always)]
+fn corners<S: Stored>(values: &[S], spot: Spot) -> Corners {
+    let Spot { start, row, slab } = spot;
+    // One bounds check: no corner is farther than the last.
+    let v = &values[start..][..slab + row + 2];
+    let two = |from: usize| [v[from], v[from + 1]];
+    S::widen_pairs([two(0), two(row), two(slab), two(slab + row)])
 }
 
 impl Values {
     /// Keeps values in 16 bits if all of them survive it.
     pub(super) fn new(mut values: Vec<f32>) -> Self {
-        if values.is_empty() || !values.par_chunks(BRICK_VALUES).all(are_halves) {
+        if values.is_empty() || !values.par_chunks(CHUNK).all(are_halves) {
             return Self::Full(values);
         }
         // Zeroes of the system: no page is taken before it is written.
         let mut halves: Vec<f16> = vec![0u16; values.len()].reinterpret_into();
-        let part = values.len().div_ceil(PARTS).next_multiple_of(BRICK_VALUES);
+        let part = values.len().div_ceil(PARTS);
         while !values.is_empty() {
             let from = (values.len() - 1) / part * part;
             halves[from..values.len()]
-                .par_chunks_mut(BRICK_VALUES)
-                .zip(values[from..].par_chunks(BRICK_VALUES))
+                .par_chunks_mut(CHUNK)
+                .zip(values[from..].par_chunks(CHUNK))
                 .for_each(|(to, from)| to.convert_from_f32_slice(from));
             values.truncate(from);
             values.shrink_to_fit();
@@ -144,12 +123,21 @@ impl Values {
         Self::Half(halves)
     }
 
-    /// The brick at `index`.
+    /// The value at an index.
     #[inline]
-    pub(super) fn brick(&self, index: usize) -> Option<BrickValues<'_>> {
+    pub(super) fn at(&self, index: usize) -> f32 {
         match self {
-            Self::Full(values) => brick(values, index).map(BrickValues::Full),
-            Self::Half(values) => brick(values, index).map(BrickValues::Half),
+            Self::Full(values) => values[index],
+            Self::Half(values) => values[index].widen(),
+        }
+    }
+
+    /// The corners of the cell at a spot. Always inlined: through memory they cost as much again.
+    #[inline(always)]
+    pub(super) fn corners(&self, spot: Spot) -> Corners {
+        match self {
+            Self::Full(values) => corners(values, spot),
+            Self::Half(values) => corners(values, spot),
         }
     }
 
@@ -178,18 +166,33 @@ impl Values {
     }
 }
 
-/// True if all values of a brick are 16-bit floats.
-fn are_halves(brick: &[f32]) -> bool {
+/// True if all values are 16-bit floats.
+fn are_halves(values: &[f32]) -> bool {
     const FEW: usize = 32;
     let (mut halves, mut back) = ([f16::ZERO; FEW], [0.0f32; FEW]);
-    brick.chunks(FEW).all(|values| {
+    values.chunks(FEW).all(|values| {
         let (halves, back) = (&mut halves[..values.len()], &mut back[..values.len()]);
         halves.convert_from_f32_slice(values);
         halves.convert_to_f32_slice(back);
         // All of them, rather than up to the first that differs: eight at a time.
-        values
-            .iter()
-            .zip(back)
-            .fold(true, |same, (a, b)| same & (a.to_bits() == b.to_bits()))
+        values.iter().zip(back).fold(true, |same, (a, b)| {
+            same & (a.to_bits() == b.to_bits()) & a.is_finite()
+        })
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_half_is_widened() {
+        for bits in 0..=u16::MAX {
+            let half = f16::from_bits(bits);
+            if half.is_finite() {
+                let wide = widen4(i32x4::splat(bits.into())).to_array();
+                assert_eq!(wide.map(f32::to_bits), [half.to_f32().to_bits(); 4]);
+            }
+        }
+    }
 }
