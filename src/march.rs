@@ -109,11 +109,7 @@ impl<S: Spectrum> Profile<S> {
                     {
                         let t1 = t1.min(t0 + spent);
                         if t1.is_finite() {
-                            profile.push(Piece {
-                                t_min: t0,
-                                t_max: t1,
-                                density: [1.0; 3],
-                            });
+                            profile.push(Piece::constant(t0, t1, 1.0));
                         }
                     }
                 }
@@ -380,11 +376,7 @@ impl<S: Spectrum> MediumProfile<S> {
                     let b = (a + step).min(t1);
                     let density = field.grid.lookup(local.at(0.5 * (a + b)));
                     counters.density_lookups += 1;
-                    self.push(Piece {
-                        t_min: a,
-                        t_max: b,
-                        density: [density; 3],
-                    });
+                    self.push(Piece::constant(a, b, density));
                     if self.knots.last().is_some_and(|last| last.depth >= spent) {
                         break;
                     }
