@@ -12,21 +12,19 @@
 //! grid, and its sums must be ours.
 
 mod peers;
+mod volumes;
 
-use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::path::Path;
 
 use glam::Vec3;
-use vpm_vdb::grid::load::{Taking, load_grid};
 use vpm_vdb::grid::majorant::MajorantGrid;
 use vpm_vdb::grid::walk::walk;
 use vpm_vdb::grid::{Brick, Grid};
 use vpm_vdb::ray::Ray;
 use vpm_vdb::rng::{Rng, Stage};
-use vpm_vdb::scene::Convert;
-use vpm_vdb::vdb::Archive;
 
 use peers::{Answer, Peers};
+use volumes::{files, load, timed};
 
 const ROUNDS: usize = 25;
 const POINTS: usize = 1 << 18;
@@ -35,23 +33,6 @@ const RAYS: usize = 1 << 10;
 const PEER_EVERY: usize = 5;
 const RANDOM: &str = "random, trilinear";
 const ALONG: &str = "rays, trilinear";
-
-fn files() -> Vec<PathBuf> {
-    // cargo adds --bench.
-    let given: Vec<PathBuf> = std::env::args()
-        .skip(1)
-        .filter(|a| !a.starts_with("--"))
-        .map(PathBuf::from)
-        .collect();
-    if !given.is_empty() {
-        return given;
-    }
-    let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("volumes");
-    ["cumulus.vdb", "rising_smoke.vdb"]
-        .map(|name| own.join(name))
-        .into_iter()
-        .collect()
-}
 
 fn uniforms(random: &mut Rng) -> Vec3 {
     Vec3::new(random.uniform(), random.uniform(), random.uniform())
@@ -183,18 +164,7 @@ fn main() {
 
 /// All ways on one file.
 fn bench(file: &Path, peers: Option<&Peers>) {
-    let taking = Taking {
-        convert: Convert::None,
-        strict: false,
-    };
-    let archive = Archive::open(file).expect("the file opens");
-    let grid = load_grid(&archive, file, None, taking)
-        .expect("the file holds a density")
-        .grid;
-    let name = file
-        .file_stem()
-        .map(|s| s.to_string_lossy().into_owned())
-        .unwrap_or_default();
+    let (name, grid) = load(file);
     let wide = grid.widened();
     let narrow = (grid.value_bits() == 16).then_some(grid);
     let own = [narrow.as_ref(), Some(&wide)];
@@ -216,9 +186,8 @@ fn bench(file: &Path, peers: Option<&Peers>) {
         for ((_, run), best) in WAYS.iter().zip(&mut best) {
             for (grid, best) in own.iter().zip(best) {
                 let Some(grid) = grid else { continue };
-                let start = Instant::now();
-                let (sum, count) = std::hint::black_box(run(grid, &work));
-                best.take(start.elapsed().as_secs_f64() / count as f64, sum);
+                let (seconds, (sum, count)) = timed(|| run(grid, &work));
+                best.take(seconds / count as f64, sum);
             }
         }
         if let Some(peers) = peers.filter(|_| round % PEER_EVERY == 0) {

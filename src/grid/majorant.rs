@@ -6,16 +6,8 @@
 //!
 //! The bounds are those of the *interpolated* field: a brick's 9^3 values are all that its cells
 //! can interpolate between, so their extremes bound it exactly. Cells are cubes of 8, 16, 32 ...
-//! voxels: eight siblings merge where crossing them one by one would not pay,
-//!
-//! ```text
-//! sigma_t_scale * (majorant - minorant) * diagonal <= MERGE_OPTICAL_RANGE
-//! ```
-//!
-//! (the expected null collisions of a crossing are then fewer than the steps saved; Hofmann &
-//! Evans 2021, Ray Tracing Gems II ch. 43, whose threshold is 1/ln 2). Every brick's entry names
-//! the merged cell it is in, so a step is one fetch and no descent, and empty space is crossed
-//! in the largest cubes that fit.
+//! voxels (merge.rs). Every brick's entry names the merged cell it is in, so a step is one fetch
+//! and no descent, and empty space is crossed in the largest cubes that fit.
 //!
 //! Segments tile [t0, t1] without gap or overlap: each begins at the very t where the last one
 //! ended. The walk keeps the integer coordinates of its brick and moves at least one of them at
@@ -23,40 +15,35 @@
 //! its three axes, whatever rounding does to t.
 
 use glam::{IVec3, UVec3, Vec3};
-use rayon::prelude::*;
 
-use super::place::Place;
 use super::{BRICK, Grid, TABLE, TABLE_BRICKS, in_table, top_cell, top_index};
 use crate::ray::{Bounds, Ray, reciprocal};
 
-/// Optical range of a merged cell. Larger: more null collisions; smaller: more steps.
-pub const MERGE_OPTICAL_RANGE: f32 = std::f32::consts::LOG2_E;
-
 /// Marks an entry that names a table, not a cell.
-const DESCEND: u32 = 1 << 31;
+pub(super) const DESCEND: u32 = 1 << 31;
 
 /// Bounds over one cube of bricks.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Cell {
+pub(super) struct Cell {
     /// Largest value.
-    majorant: f32,
+    pub(super) majorant: f32,
     /// Smallest value.
-    minorant: f32,
+    pub(super) minorant: f32,
     /// log2 of the cube's edge in bricks, or a table.
-    link: u32,
+    pub(super) link: u32,
 }
 
 /// Bounds of a [`Grid`], merged for a given extinction.
 #[derive(Debug, Clone)]
 pub struct MajorantGrid {
     /// Top cells along each axis.
-    dims: UVec3,
+    pub(super) dims: UVec3,
     /// Bounds of top cells.
-    top: Vec<Cell>,
+    pub(super) top: Vec<Cell>,
     /// Bounds of the bricks of each table.
-    tables: Vec<Cell>,
+    pub(super) tables: Vec<Cell>,
     /// Where the field can differ from 0.
-    support: Bounds,
+    pub(super) support: Bounds,
 }
 
 /// A piece of a ray and the bounds of the field along it.
@@ -73,107 +60,6 @@ pub struct MajorantSegment {
 }
 
 impl MajorantGrid {
-    /// Bounds of `grid`, cells merged for `sigma_t_scale` [1/m where the density is 1] and
-    /// `voxel_size` \[m, the longest edge\].
-    #[must_use]
-    pub fn new(grid: &Grid, sigma_t_scale: f32, voxel_size: f32) -> Self {
-        let dims = grid.dims();
-        // Optical range per unit of value range, for a cell of one brick.
-        let weight = sigma_t_scale * voxel_size * BRICK as f32 * 3f32.sqrt();
-        // Top cells that share a table share its bounds.
-        let merged: Vec<(Cell, Vec<Cell>)> = grid
-            .tables
-            .par_chunks(TABLE_BRICKS)
-            .map(|table| merge_table(grid, table, weight))
-            .collect();
-        let mut tables = Vec::new();
-        let wholes: Vec<Cell> = merged
-            .into_iter()
-            .map(|(mut cell, table)| {
-                if !table.is_empty() {
-                    cell.link = DESCEND | (tables.len() / TABLE_BRICKS) as u32;
-                    tables.extend(table);
-                }
-                cell
-            })
-            .collect();
-        tables.shrink_to_fit();
-        let top = grid
-            .top
-            .iter()
-            .map(|&entry| {
-                let Some(place) = grid.constant_place(entry) else {
-                    return wholes[entry as usize];
-                };
-                let [minorant, majorant] = grid.range_at(place);
-                Cell {
-                    majorant,
-                    minorant,
-                    link: TABLE.ilog2(),
-                }
-            })
-            .collect();
-        let mut this = Self {
-            dims,
-            top,
-            tables,
-            support: grid.support(),
-        };
-        this.merge_top(weight);
-        this
-    }
-
-    /// Merges top cells, cubes of 2, 4, 8 ... at a time.
-    fn merge_top(&mut self, weight: f32) {
-        let mut size = 1u32;
-        while size * 2 <= self.dims.max_element() {
-            let double = size * 2;
-            let blocks = (self.dims + UVec3::splat(double - 1)) / double;
-            for x in 0..blocks.x {
-                for y in 0..blocks.y {
-                    for z in 0..blocks.z {
-                        self.merge_block(UVec3::new(x, y, z) * double, size, weight);
-                    }
-                }
-            }
-            size = double;
-        }
-    }
-
-    /// Merges the eight cubes of `size` top cells from `lowest` on, if all are whole and alike.
-    fn merge_block(&mut self, lowest: UVec3, size: u32, weight: f32) {
-        let level = (size * TABLE as u32).ilog2();
-        let mut bounds = [f32::MAX, f32::MIN];
-        for i in 0..8u32 {
-            let c = lowest + UVec3::new(i & 1, i >> 1 & 1, i >> 2) * size;
-            if c.cmpge(self.dims).any() {
-                continue;
-            }
-            let cell = self.top[top_index(self.dims, c)];
-            if cell.link != level {
-                return;
-            }
-            bounds = [bounds[0].min(cell.minorant), bounds[1].max(cell.majorant)];
-        }
-        let edge = (2 * size * TABLE as u32) as f32;
-        if (bounds[1] - bounds[0]) * weight * edge > MERGE_OPTICAL_RANGE {
-            return;
-        }
-        let high = (lowest + UVec3::splat(2 * size)).min(self.dims);
-        for x in lowest.x..high.x {
-            for y in lowest.y..high.y {
-                for z in lowest.z..high.z {
-                    let at = top_index(self.dims, UVec3::new(x, y, z));
-                    self.top[at] = Cell {
-                        minorant: bounds[0],
-                        majorant: bounds[1],
-                        link: level + 1,
-                    };
-                }
-            }
-        }
-    }
-
     /// The merged cell that a brick is in; none outside the grid.
     #[inline]
     fn cell(&self, brick: IVec3) -> Option<Cell> {
@@ -260,69 +146,6 @@ impl MajorantGrid {
                 .floor()
                 .as_ivec3()
                 .clamp(IVec3::ZERO, highest.max(IVec3::ZERO)),
-        }
-    }
-}
-
-/// Bounds of the bricks of one table, merged; an empty list where the whole cell is one.
-fn merge_table(grid: &Grid, table: &[Place], weight: f32) -> (Cell, Vec<Cell>) {
-    let mut cells: Vec<Cell> = table
-        .iter()
-        .map(|&place| {
-            let [minorant, majorant] = grid.range_at(place);
-            Cell {
-                majorant,
-                minorant,
-                link: 0,
-            }
-        })
-        .collect();
-    for level in 0..4u32 {
-        let (half, size) = (1usize << level, 2usize << level);
-        for x in (0..16).step_by(size) {
-            for y in (0..16).step_by(size) {
-                for z in (0..16).step_by(size) {
-                    merge_eight(&mut cells, [x, y, z], half, level, weight);
-                }
-            }
-        }
-    }
-    let whole = cells[0];
-    if whole.link == 4 {
-        (whole, Vec::new())
-    } else {
-        (whole, cells)
-    }
-}
-
-/// Merges eight sibling cubes of `half` bricks, if all are whole and alike.
-fn merge_eight(cells: &mut [Cell], at: [usize; 3], half: usize, level: u32, weight: f32) {
-    let index = |x: usize, y: usize, z: usize| (x << 8) | (y << 4) | z;
-    let mut bounds = [f32::MAX, f32::MIN];
-    for i in 0..8 {
-        let cell = cells[index(
-            at[0] + (i & 1) * half,
-            at[1] + (i >> 1 & 1) * half,
-            at[2] + (i >> 2) * half,
-        )];
-        if cell.link != level {
-            return;
-        }
-        bounds = [bounds[0].min(cell.minorant), bounds[1].max(cell.majorant)];
-    }
-    let edge = (2 * half) as f32;
-    if (bounds[1] - bounds[0]) * weight * edge > MERGE_OPTICAL_RANGE {
-        return;
-    }
-    for x in at[0]..at[0] + 2 * half {
-        for y in at[1]..at[1] + 2 * half {
-            for z in at[2]..at[2] + 2 * half {
-                cells[index(x, y, z)] = Cell {
-                    minorant: bounds[0],
-                    majorant: bounds[1],
-                    link: level + 1,
-                };
-            }
         }
     }
 }

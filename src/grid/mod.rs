@@ -26,6 +26,7 @@ mod compact;
 mod index;
 pub mod load;
 pub mod majorant;
+pub mod merge;
 mod place;
 mod values;
 pub mod walk;
