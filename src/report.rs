@@ -5,6 +5,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::render::error::ErrorEstimate;
+
 /// One effect of light, and whether this scene calls for it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Effect {
@@ -122,6 +124,8 @@ pub struct Report {
     pub counters: Counters,
     /// The picture in figures.
     pub image: ImageFigures,
+    /// Noise and bias together; null unless `--target-error` asked for it.
+    pub error: Option<ErrorEstimate>,
 }
 
 /// Most memory this process has held at once: VmHWM of Linux, 0 elsewhere. \[bytes\]
@@ -163,7 +167,7 @@ mod tests {
         };
         assert_eq!(
             keys(&json),
-            "counters effects image method passes peak_rss_bytes photons resolution scene seed \
+            "counters effects error image method passes peak_rss_bytes photons resolution scene seed \
              threads time_s"
         );
         assert_eq!(

@@ -23,7 +23,7 @@ use crate::surface::{Hit, Inside, SurfaceError, Surfaces};
 use crate::tracking::Sampler;
 
 /// Grids of a scene's volumes, in order.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct LoadedVolume {
     /// Density.
     pub density: crate::grid::Grid,
