@@ -27,7 +27,6 @@ pub mod scene;
 pub mod selftest;
 pub mod spectrum;
 pub mod stats;
-pub mod study;
 pub mod surface;
 pub mod tone;
 pub mod tracking;

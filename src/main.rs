@@ -3,7 +3,6 @@
 mod cli;
 mod engine;
 mod run;
-mod run_study;
 
 use std::process::ExitCode;
 

@@ -114,6 +114,14 @@ impl<S: Spectrum> Profile<S> {
                     }
                 }
                 Field::Grid(field) => profile.march(field, ray, t_end, march, spent, counters),
+                Field::Plateau(field) => {
+                    field
+                        .plateau
+                        .pieces(&field.local_ray(ray), 0.0, t_end, |piece| {
+                            profile.push(piece);
+                            profile.knots.last().is_some_and(|last| last.depth < spent)
+                        });
+                }
             }
             match profile.knots.last().copied() {
                 None => self.used -= 1,
@@ -316,6 +324,14 @@ pub fn transmittance<S: Spectrum>(
             Field::Constant { bounds } => {
                 let clipped = bounds.map_or(Some((0.0, t_max)), |b| b.clip(ray, 0.0, t_max));
                 depth = clipped.map_or(0.0, |(t0, t1)| f64::from((t1 - t0).min(spent)));
+            }
+            Field::Plateau(field) => {
+                field
+                    .plateau
+                    .pieces(&field.local_ray(ray), 0.0, t_max, |piece| {
+                        depth += f64::from(piece.integral());
+                        depth < f64::from(spent)
+                    });
             }
             Field::Grid(field) => {
                 sampler.counters.density_lookups += walk(

@@ -9,11 +9,13 @@
 //! first of the media's own first collisions, and the transmittance of the sum is the product.
 //! Each medium keeps its own grid, transform and bounds.
 
-use glam::{Affine3A, DAffine3, DVec3, Vec3};
+use glam::{Affine3A, DAffine3, DVec3, IVec3, Vec3};
 
 use crate::blackbody::Blackbody;
 use crate::grid::Grid;
+use crate::grid::build::BuildError;
 use crate::grid::majorant::MajorantGrid;
+use crate::grid::plateau::Plateau;
 use crate::phase::PhaseFunction;
 use crate::ray::{Bounds, Ray};
 use crate::scene::Rgb;
@@ -93,6 +95,72 @@ impl GridField {
     }
 }
 
+impl GridField {
+    /// Density 1 all over a box in the world, 0 outside, as a grid: the general form of a
+    /// homogeneous medium.
+    ///
+    /// # Errors
+    /// [`BuildError`]: a box that is empty or not finite.
+    pub fn filled(bounds: &Bounds, extinction: f32) -> Result<Self, BuildError> {
+        /// Voxels along an edge: bricks enough for bounds that differ from place to place.
+        const VOXELS: i32 = 64;
+        // In the middle of a brick, as boxes in files are: bricks that hold an edge vary.
+        let first = IVec3::splat(crate::grid::BRICK / 2);
+        let to_world = DAffine3::from_translation(bounds.min.as_dvec3())
+            * DAffine3::from_scale(bounds.size().as_dvec3() / f64::from(VOXELS))
+            * DAffine3::from_translation(-first.as_dvec3());
+        let grid = Grid::from_fn(first, first + VOXELS, to_world, |_| 1.0)?;
+        // The last voxels fall to 0 beyond the box.
+        let low = (first - grid.origin()).as_vec3();
+        let grid = grid.cut(&Bounds {
+            min: low,
+            max: low + VOXELS as f32,
+        });
+        Ok(Self::new(
+            grid,
+            &DAffine3::IDENTITY,
+            DVec3::ZERO,
+            extinction,
+        ))
+    }
+
+    /// The same field in closed form, if its grid is of one value all over a box.
+    #[must_use]
+    pub fn plateau(&self) -> Option<PlateauField> {
+        Some(PlateauField {
+            plateau: self.grid.plateau()?,
+            world_to_local: self.world_to_local,
+            voxel_size: self.voxel_size,
+            bounds: self.bounds,
+        })
+    }
+}
+
+/// A plateau placed in the world.
+#[derive(Debug, Clone)]
+pub struct PlateauField {
+    /// The field.
+    pub plateau: Plateau,
+    /// World (relative to the scene's origin) to the plateau's local voxels.
+    pub world_to_local: Affine3A,
+    /// Longest voxel edge. \[m\]
+    pub voxel_size: f32,
+    /// Box around the support in the world.
+    pub bounds: Bounds,
+}
+
+impl PlateauField {
+    /// The ray in local voxels; its parameter stays in metres of the world's ray.
+    #[inline]
+    #[must_use]
+    pub fn local_ray(&self, ray: &Ray) -> Ray {
+        Ray {
+            origin: self.world_to_local.transform_point3(ray.origin),
+            direction: self.world_to_local.transform_vector3(ray.direction),
+        }
+    }
+}
+
 /// Where the density comes from.
 #[derive(Debug, Clone)]
 pub enum Field {
@@ -103,6 +171,8 @@ pub enum Field {
     },
     /// A sparse grid.
     Grid(Box<GridField>),
+    /// A grid of one value all over a box, in closed form.
+    Plateau(Box<PlateauField>),
 }
 
 /// Emission from a temperature grid by Planck's law.
@@ -149,7 +219,15 @@ impl<S: Spectrum> Medium<S> {
         match &self.field {
             Field::Constant { bounds } => f32::from(u8::from(bounds.is_none_or(|b| b.contains(p)))),
             Field::Grid(field) => field.density(p),
+            Field::Plateau(field) => field.plateau.at(field.world_to_local.transform_point3(p)),
         }
+    }
+
+    /// True where some light is absorbed at collisions.
+    #[inline]
+    #[must_use]
+    pub fn absorbs(&self) -> bool {
+        self.albedo != S::ONE
     }
 
     /// Box around the medium; none where it is everywhere.
@@ -158,6 +236,7 @@ impl<S: Spectrum> Medium<S> {
         match &self.field {
             Field::Constant { bounds } => *bounds,
             Field::Grid(field) => Some(field.bounds),
+            Field::Plateau(field) => Some(field.bounds),
         }
     }
 
@@ -167,6 +246,7 @@ impl<S: Spectrum> Medium<S> {
         match &self.field {
             Field::Constant { .. } => None,
             Field::Grid(field) => Some(field.voxel_size),
+            Field::Plateau(field) => Some(field.voxel_size),
         }
     }
 }

@@ -81,6 +81,7 @@ impl<S: Spectrum> Path<'_, S> {
     /// The next straight piece; false where the path ends.
     fn piece(&mut self, sampler: &mut Sampler) -> bool {
         let world = self.world;
+        sampler.counters.effects.surface_rays += u64::from(world.surfaces.is_some());
         let hit = world
             .surfaces
             .as_ref()
@@ -124,7 +125,10 @@ impl<S: Spectrum> Path<'_, S> {
         let medium = &world.media[index];
         let position = self.ray.at(t);
         self.see(t);
+        let counts = &mut sampler.counters.effects;
+        counts.absorbing += u64::from(medium.absorbs());
         if let Some(emission) = &medium.emission {
+            counts.temperatures += 1;
             let l_e = S::from_rgb(emission.radiance_at(position));
             self.add(0, (S::ONE - medium.albedo) * l_e);
         }
@@ -135,6 +139,12 @@ impl<S: Spectrum> Path<'_, S> {
         if self.throughput.is_zero() {
             return false;
         }
+        if self.order == 0 {
+            counts.first_order += 1;
+        } else {
+            counts.higher_orders += 1;
+        }
+        counts.directions += u64::from(!medium.phase.is_isotropic());
         if let Some((light, probability)) = pick_light(world, sampler)
             && let Some(sample) = world.sample_light(light, position, sampler)
         {
@@ -143,9 +153,13 @@ impl<S: Spectrum> Path<'_, S> {
                 direction: sample.direction,
             };
             let phase = medium.phase.p(self.ray.direction, sample.direction);
-            let tr = world.reach(&shadow, sample.distance, &self.inside, |media, ray, end| {
-                transmittance(media, ray, end, sampler)
-            });
+            let tr = world.reach(
+                &shadow,
+                sample.distance,
+                &self.inside,
+                sampler,
+                transmittance,
+            );
             self.add(1, sample.value * tr * (phase / probability));
         }
         self.order += 1;
@@ -171,6 +185,7 @@ impl<S: Spectrum> Path<'_, S> {
         if passes(surfaces, hit, &self.inside) {
             if surfaces.encloses(hit.object) {
                 self.inside.cross(hit.object, hit.front);
+                sampler.counters.effects.boundaries += 1;
             }
             self.travelled += hit.t;
             self.ray.origin = hit.spawn_origin(self.ray.direction);
@@ -205,12 +220,14 @@ impl<S: Spectrum> Path<'_, S> {
         }
         self.throughput *= S::from_rgb(sample.weight);
         self.lights_count = sample.kind == SampleKind::Specular;
+        sampler.counters.effects.specular += u64::from(sample.kind != SampleKind::Diffuse);
         // Refraction scales radiance by the index squared and takes it back on the way out.
         if !sample.transmitted && !self.roulette(sampler) {
             return false;
         }
         if sample.transmitted && surfaces.encloses(hit.object) {
             self.inside.cross(hit.object, hit.front);
+            sampler.counters.effects.boundaries += 1;
         }
         self.ray = Ray {
             origin: hit.spawn_origin(sample.direction),
@@ -237,9 +254,7 @@ impl<S: Spectrum> Path<'_, S> {
             direction: sample.direction,
         };
         let inside = world.inside_beyond(hit, sample.direction, &self.inside);
-        let tr = world.reach(&shadow, sample.distance, &inside, |media, ray, end| {
-            transmittance(media, ray, end, sampler)
-        });
+        let tr = world.reach(&shadow, sample.distance, &inside, sampler, transmittance);
         self.add(1, S::from_rgb(f) * sample.value * tr * (1.0 / probability));
     }
 

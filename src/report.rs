@@ -5,7 +5,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::render::error::ErrorEstimate;
+use crate::effects::Dropped;
 
 /// One effect of light, and whether this scene calls for it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -18,6 +18,9 @@ pub struct Effect {
     pub reason: String,
     /// The specialised form that simulates it; empty where nothing does.
     pub form: String,
+    /// How often the renderer did what only this effect calls for; null before rendering. 0 where
+    /// it is not active.
+    pub count: Option<u64>,
 }
 
 /// A stage of a render, foretold.
@@ -48,6 +51,21 @@ pub struct Times {
     pub gather: f64,
     /// Writing files.
     pub output: f64,
+}
+
+/// Bytes that each stage holds, the most over the passes; what `plan` foretells.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Memory {
+    /// Grids.
+    pub load: u64,
+    /// Bounds over grids, surfaces.
+    pub build: u64,
+    /// Photons as traced.
+    pub photons: u64,
+    /// Photon maps: what sorting adds.
+    pub map: u64,
+    /// The film.
+    pub gather: u64,
 }
 
 /// Photons of all passes together.
@@ -114,18 +132,20 @@ pub struct Report {
     pub passes: u32,
     /// Every effect, active or not.
     pub effects: Vec<Effect>,
+    /// What of the scene cannot make a difference to the picture, and was left out.
+    pub dropped: Vec<Dropped>,
     /// Seconds by stage.
     pub time_s: Times,
     /// Most memory held at once; 0 where the system does not tell. \[bytes\]
     pub peak_rss_bytes: u64,
+    /// Bytes by stage.
+    pub memory_bytes: Memory,
     /// Photons.
     pub photons: PhotonCounts,
     /// Counters.
     pub counters: Counters,
     /// The picture in figures.
     pub image: ImageFigures,
-    /// Noise and bias together; null unless `--target-error` asked for it.
-    pub error: Option<ErrorEstimate>,
 }
 
 /// Most memory this process has held at once: VmHWM of Linux, 0 elsewhere. \[bytes\]
@@ -167,7 +187,7 @@ mod tests {
         };
         assert_eq!(
             keys(&json),
-            "counters effects error image method passes peak_rss_bytes photons resolution scene seed \
+            "counters dropped effects image memory_bytes method passes peak_rss_bytes photons resolution scene seed \
              threads time_s"
         );
         assert_eq!(

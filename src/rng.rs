@@ -22,6 +22,8 @@ pub enum Stage {
     Path = 4,
     /// Checks and calibration.
     Check = 5,
+    /// Points on the lens: a stream of their own, so that a pinhole's rays are the same with them.
+    Lens = 6,
 }
 
 /// One random stream.

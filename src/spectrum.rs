@@ -114,7 +114,12 @@ impl Spectrum for Vec3 {
         self.max_element()
     }
     fn mean(self) -> f32 {
-        self.element_sum() * (1.0 / 3.0)
+        // Exactly that of a grey spectrum where the channels are equal.
+        if self.x == self.y && self.x == self.z {
+            self.x
+        } else {
+            self.element_sum() * (1.0 / 3.0)
+        }
     }
     #[inline]
     fn transmittance(tau: Self) -> Self {

@@ -22,7 +22,7 @@
 
 use glam::Vec3;
 
-use crate::medium::{Field, GridField, Medium};
+use crate::medium::{Field, GridField, Medium, PlateauField};
 use crate::ray::Ray;
 use crate::rng::Rng;
 use crate::spectrum::Spectrum;
@@ -41,6 +41,130 @@ pub struct Counters {
     pub density_lookups: u64,
     /// Photons that a radiance estimate added.
     pub gathered_photons: u64,
+    /// What only one effect calls for.
+    pub effects: EffectCounts,
+}
+
+/// How often what only one effect calls for was done: 0 where the effect is pruned.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct EffectCounts {
+    /// Collisions with media that absorb.
+    pub absorbing: u64,
+    /// Points of a ray joined to a light, and photons kept of the first order.
+    pub first_order: u64,
+    /// Photons kept of higher orders in media, and collisions of paths beyond the first.
+    pub higher_orders: u64,
+    /// Phase functions evaluated or sampled that depend on the direction.
+    pub directions: u64,
+    /// Temperatures fetched.
+    pub temperatures: u64,
+    /// Rays and photons of three channels.
+    pub coloured: u64,
+    /// Rays through the hierarchy of surfaces.
+    pub surface_rays: u64,
+    /// Reflections and refractions that are not diffuse.
+    pub specular: u64,
+    /// Photons kept on surfaces.
+    pub surface_photons: u64,
+    /// Straight lines followed from boundary to boundary, and boundaries passed.
+    pub boundaries: u64,
+    /// Points drawn on lights.
+    pub light_points: u64,
+    /// Photons from skies, and rays toward them from surfaces.
+    pub sky: u64,
+    /// Points drawn on the lens.
+    pub lens_points: u64,
+}
+
+/// Counts of [`EffectCounts`].
+pub const EFFECTS: usize = 13;
+
+impl EffectCounts {
+    /// All of them, in the order of their declaration.
+    #[must_use]
+    pub fn to_array(&self) -> [u64; EFFECTS] {
+        [
+            self.absorbing,
+            self.first_order,
+            self.higher_orders,
+            self.directions,
+            self.temperatures,
+            self.coloured,
+            self.surface_rays,
+            self.specular,
+            self.surface_photons,
+            self.boundaries,
+            self.light_points,
+            self.sky,
+            self.lens_points,
+        ]
+    }
+
+    /// From [`to_array`](Self::to_array).
+    #[must_use]
+    pub fn from_array(counts: [u64; EFFECTS]) -> Self {
+        let [
+            absorbing,
+            first_order,
+            higher_orders,
+            directions,
+            temperatures,
+            coloured,
+            surface_rays,
+            specular,
+            surface_photons,
+            boundaries,
+            light_points,
+            sky,
+            lens_points,
+        ] = counts;
+        Self {
+            absorbing,
+            first_order,
+            higher_orders,
+            directions,
+            temperatures,
+            coloured,
+            surface_rays,
+            specular,
+            surface_photons,
+            boundaries,
+            light_points,
+            sky,
+            lens_points,
+        }
+    }
+}
+
+impl std::ops::AddAssign for EffectCounts {
+    fn add_assign(&mut self, other: Self) {
+        let (a, b) = (self.to_array(), other.to_array());
+        *self = Self::from_array(std::array::from_fn(|i| a[i] + b[i]));
+    }
+}
+
+impl Counters {
+    /// How often what only one effect calls for was done, in the fixed order of the effects.
+    #[must_use]
+    pub fn by_effect(&self) -> [u64; 14] {
+        let counts = &self.effects;
+        [
+            counts.absorbing,
+            counts.first_order,
+            counts.higher_orders,
+            counts.directions,
+            counts.temperatures,
+            counts.coloured,
+            self.density_lookups,
+            counts.surface_rays,
+            counts.specular,
+            counts.surface_photons,
+            counts.boundaries,
+            counts.light_points,
+            counts.sky,
+            counts.lens_points,
+        ]
+    }
 }
 
 impl std::ops::AddAssign for Counters {
@@ -49,6 +173,7 @@ impl std::ops::AddAssign for Counters {
         self.transmittance_rays += other.transmittance_rays;
         self.density_lookups += other.density_lookups;
         self.gathered_photons += other.gathered_photons;
+        self.effects += other.effects;
     }
 }
 
@@ -246,6 +371,41 @@ fn flight_in<S: Spectrum>(
             (t < t1).then_some(t)
         }
         Field::Grid(field) => grid_flight(medium.sigma_t, field, ray, t_max, hero, sampler),
+        Field::Plateau(field) => plateau_flight(medium.sigma_t, field, ray, t_max, hero, sampler),
+    }
+}
+
+/// Delta tracking over a plateau, whose one majorant is its value: in its core every collision of a
+/// grey medium is real, so that the first one is the closed form.
+fn plateau_flight<S: Spectrum>(
+    sigma_t: S,
+    field: &PlateauField,
+    ray: &Ray,
+    t_max: f32,
+    hero: &mut Hero<S>,
+    sampler: &mut Sampler,
+) -> Option<f32> {
+    let local = field.local_ray(ray);
+    let (mut t, end) = field.plateau.support().clip(&local, 0.0, t_max)?;
+    let highest = sigma_t.max_channel();
+    let share = sigma_t.channel(hero.channel) / highest;
+    let coloured = coloured(sigma_t);
+    let value = field.plateau.value;
+    let sigma_maj = highest * value;
+    loop {
+        t += sampler.rng.exponential() / sigma_maj;
+        // NaN in a clear medium is beyond the end too.
+        if t >= end || t.is_nan() {
+            return None;
+        }
+        let density = field.plateau.at(local.at(t));
+        if density == value && share == 1.0 || sampler.uniform() * value < share * density {
+            return Some(t);
+        }
+        if coloured {
+            let density = sigma_t.map(|k| k.mul_add(-density, sigma_maj).max(0.0));
+            hero.passed.push(Passed::Null { t, density });
+        }
     }
 }
 
@@ -320,6 +480,16 @@ pub fn transmittance<S: Spectrum>(
                         .map(|k| if k > 0.0 { (k * (t0 - t1)).exp() } else { 1.0 })
                 }),
             Field::Grid(field) => ratio_tracking(medium.sigma_t, field, ray, t_max, sampler),
+            Field::Plateau(field) => {
+                let mut depth = 0.0;
+                field
+                    .plateau
+                    .pieces(&field.local_ray(ray), 0.0, t_max, |piece| {
+                        depth += piece.integral();
+                        true
+                    });
+                medium.sigma_t.map(|k| (-k * depth).exp())
+            }
         };
         if tr.is_zero() {
             break;

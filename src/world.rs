@@ -13,11 +13,12 @@ use glam::DVec3;
 
 use crate::blackbody::Blackbody;
 use crate::camera::Camera;
+use crate::effects::General;
 use crate::light::{Light, LightSample};
 use crate::medium::{EmissionField, Field, GridField, Medium};
 use crate::photon::deposit::Part;
 use crate::ray::{Bounds, Ray};
-use crate::scene::{Emission, Scene};
+use crate::scene::{Emission, March, Optics, Scene};
 use crate::spectrum::Spectrum;
 use crate::surface::{Hit, Inside, SurfaceError, Surfaces};
 use crate::tracking::Sampler;
@@ -64,6 +65,22 @@ pub struct World<S> {
     pub target: Bounds,
     /// Highest scattering order.
     pub max_bounces: u32,
+    /// Points are drawn on lights: some have an area.
+    points: bool,
+    /// Lines are followed from boundary to boundary: light can pass into some object.
+    boundaries: bool,
+}
+
+/// Density 1 in a homogeneous medium within `bounds`, in closed form, or as a grid around it.
+fn homogeneous(optics: &Optics, around: Bounds, bounds: Option<Bounds>, general: General) -> Field {
+    let grid = general
+        .grids
+        .then(|| GridField::filled(&around, optics.extinction.max_element()));
+    match grid {
+        Some(Ok(field)) => Field::Grid(Box::new(field)),
+        // A box without an inside has no grid.
+        Some(Err(_)) | None => Field::Constant { bounds },
+    }
 }
 
 /// Middle of everything that has a place: where the renderer puts its origin.
@@ -112,8 +129,20 @@ impl<S: Spectrum> World<S> {
     /// # Errors
     /// [`SurfaceError`]: an object that cannot be loaded.
     pub fn new(scene: &Scene, volumes: Vec<LoadedVolume>) -> Result<Self, SurfaceError> {
+        Self::with(scene, volumes, General::default())
+    }
+
+    /// As [`new`](Self::new), with general forms where special ones would do.
+    ///
+    /// # Errors
+    /// [`SurfaceError`]: an object that cannot be loaded.
+    pub fn with(
+        scene: &Scene,
+        volumes: Vec<LoadedVolume>,
+        general: General,
+    ) -> Result<Self, SurfaceError> {
         let origin = middle(scene, &volumes);
-        let surfaces = if scene.objects.is_empty() {
+        let surfaces = if scene.objects.is_empty() && !general.hierarchy {
             None
         } else {
             Some(Surfaces::build(&scene.objects, origin)?)
@@ -143,11 +172,17 @@ impl<S: Spectrum> World<S> {
             if field.bounds.is_empty() {
                 continue;
             }
+            // Steps through a plateau would be exact where those through its grid are not.
+            let closed = !general.grids && scene.settings.march == March::Exact;
+            let plateau = if closed { field.plateau() } else { None };
             media.push(Medium {
                 sigma_t: S::from_rgb(volume.optics.extinction),
                 albedo: S::from_rgb(volume.optics.albedo),
                 phase: volume.optics.phase.into(),
-                field: Field::Grid(Box::new(field)),
+                field: plateau.map_or_else(
+                    || Field::Grid(Box::new(field)),
+                    |plateau| Field::Plateau(Box::new(plateau)),
+                ),
                 emission,
             });
         }
@@ -180,25 +215,39 @@ impl<S: Spectrum> World<S> {
                 sigma_t: S::from_rgb(fog.optics.extinction),
                 albedo: S::from_rgb(fog.optics.albedo),
                 phase: fog.optics.phase.into(),
-                field: Field::Constant { bounds: Some(fill) },
+                field: homogeneous(&fog.optics, fill, Some(fill), general),
                 emission: None,
             });
         }
         let open = media.len();
-        let mut parts: Vec<Part> = media.iter().map(|m| Part::new(m, bounds)).collect();
+        // What scatters nothing needs no photons around it.
+        let part = |medium: &Medium<S>, bounds| {
+            let mut part = Part::new(medium, bounds);
+            if medium.albedo.is_zero() && !general.grids {
+                part.reach = 0.0;
+            }
+            part
+        };
+        let mut parts: Vec<Part> = media.iter().map(|m| part(m, bounds)).collect();
         let interiors = (0..scene.objects.len() as u32)
             .map(|object| {
                 let surfaces = surfaces.as_ref().filter(|s| s.encloses(object))?;
                 let optics = surfaces.interior(object)?;
+                let (min, max) = surfaces.object_bounds(object);
+                // Rounding may put a point of the inside a little beyond the box.
+                let margin = 1e-3 * (max - min).max_element();
+                let around = Bounds {
+                    min: min - margin,
+                    max: max + margin,
+                };
                 media.push(Medium {
                     sigma_t: S::from_rgb(optics.extinction),
                     albedo: S::from_rgb(optics.albedo),
                     phase: optics.phase.into(),
-                    field: Field::Constant { bounds: None },
+                    field: homogeneous(optics, around, None, general),
                     emission: None,
                 });
-                let (min, max) = surfaces.object_bounds(object);
-                parts.extend(media.last().map(|m| Part::new(m, Bounds { min, max })));
+                parts.extend(media.last().map(|m| part(m, Bounds { min, max })));
                 Some(media.len() - 1)
             })
             .collect();
@@ -213,7 +262,7 @@ impl<S: Spectrum> World<S> {
         let mut target = parts
             .iter()
             .fold(solid, |all, part| all.union(&part.reached()));
-        if surfaces.is_some() {
+        if !solid.is_empty() {
             // A photon that starts on the box must not start on a surface that bounds it.
             let margin = glam::Vec3::splat(1e-3 * target.radius().max(f32::MIN_POSITIVE));
             target.min -= margin;
@@ -231,7 +280,14 @@ impl<S: Spectrum> World<S> {
             .iter()
             .map(|l| l.position().map_or(Inside::NOTHING, inside_at))
             .collect();
+        let wide = |light: &Light<S>| match light {
+            Light::Sun { spread, .. } => *spread > 0.0,
+            Light::Point { .. } | Light::Spot { .. } | Light::Sky { .. } => false,
+            Light::Quad { .. } | Light::Sphere { .. } | Light::Emitter { .. } => true,
+        };
         Ok(Self {
+            points: general.points || lights.iter().any(wide),
+            boundaries: general.boundaries || surfaces.as_ref().is_some_and(Surfaces::any_encloses),
             camera_inside: inside_at(camera.position),
             light_inside,
             media,
@@ -254,7 +310,7 @@ impl<S: Spectrum> World<S> {
         self.media.iter().flat_map(|medium| {
             let density = match &medium.field {
                 Field::Grid(field) => Some(&**field),
-                Field::Constant { .. } => None,
+                Field::Constant { .. } | Field::Plateau(_) => None,
             };
             let emission = medium.emission.as_ref();
             density.into_iter().chain(emission.map(|e| &e.temperature))
@@ -314,35 +370,40 @@ impl<S: Spectrum> World<S> {
         ray: &Ray,
         t_max: f32,
         inside: &Inside,
-        mut transmittance: impl FnMut(&[Medium<S>], &Ray, f32) -> S,
+        sampler: &mut Sampler,
+        transmittance: impl Fn(&[Medium<S>], &Ray, f32, &mut Sampler) -> S,
     ) -> S {
         let Some(surfaces) = &self.surfaces else {
-            return transmittance(&self.media, ray, t_max);
+            return transmittance(&self.media, ray, t_max, sampler);
         };
         let mut left = if t_max.is_finite() {
             t_max * (1.0 - SHORT)
         } else {
             t_max
         };
-        if !surfaces.any_encloses() {
+        if !self.boundaries {
+            sampler.counters.effects.surface_rays += 1;
             return if surfaces.occluded(ray.origin, ray.direction, left) {
                 S::ZERO
             } else {
-                transmittance(&self.media, ray, t_max)
+                transmittance(&self.media, ray, t_max, sampler)
             };
         }
         let (mut ray, mut inside, mut tr) = (*ray, *inside, S::ONE);
+        let mut whole = t_max;
         for _ in 0..MAX_CROSSINGS {
+            sampler.counters.effects.surface_rays += 1;
+            sampler.counters.effects.boundaries += 1;
             let hit = surfaces.intersect(ray.origin, ray.direction, left);
             if let Some(hit) = &hit
                 && !passes(surfaces, hit, &inside)
             {
                 return S::ZERO;
             }
-            let end = hit.as_ref().map_or(left, |hit| hit.t);
+            let end = hit.as_ref().map_or(whole, |hit| hit.t);
             let (_, media) = self.media_for(&inside);
             if !media.is_empty() {
-                tr *= transmittance(media, &ray, end);
+                tr *= transmittance(media, &ray, end, sampler);
             }
             let Some(hit) = hit else {
                 return tr;
@@ -355,6 +416,7 @@ impl<S: Spectrum> World<S> {
             }
             ray.origin = hit.spawn_origin(ray.direction);
             left -= hit.t;
+            whole -= hit.t;
         }
         S::ZERO
     }
@@ -389,6 +451,7 @@ impl<S: Spectrum> World<S> {
             (Light::Emitter { index, .. }, Some(surfaces)) => {
                 let emitter = &surfaces.emitters()[*index];
                 let u = [sampler.uniform(), sampler.uniform(), sampler.uniform()];
+                sampler.counters.effects.light_points += 1;
                 let point = surfaces.sample_emitter(emitter, u)?;
                 let to = point.spawn_origin(p - point.position) - p;
                 let distance = to.length();
@@ -401,7 +464,12 @@ impl<S: Spectrum> World<S> {
                     value,
                 })
             }
-            _ => light.sample(p, sampler.uniform2()),
+            _ if self.points => {
+                sampler.counters.effects.light_points += 1;
+                light.sample(p, sampler.uniform2())
+            }
+            // All are points to a point.
+            _ => light.sample(p, [0.0; 2]),
         }
     }
 

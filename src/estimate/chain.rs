@@ -174,6 +174,7 @@ impl<S: Spectrum, H: Heading> Chain<'_, S, H> {
         if passes(surfaces, &hit, &link.inside) {
             if surfaces.encloses(hit.object) {
                 link.inside.cross(hit.object, hit.front);
+                sampler.counters.effects.boundaries += 1;
             }
             link.ray.origin = hit.spawn_origin(direction);
             return true;
@@ -207,6 +208,7 @@ impl<S: Spectrum, H: Heading> Chain<'_, S, H> {
         };
         link.throughput *= S::from_rgb(sample.weight);
         link.lights_count = sample.kind == SampleKind::Specular;
+        sampler.counters.effects.specular += u64::from(sample.kind != SampleKind::Diffuse);
         let most = link.throughput.max_channel();
         if most < ROULETTE_BELOW {
             if sampler.uniform() * ROULETTE_BELOW >= most {
@@ -216,6 +218,7 @@ impl<S: Spectrum, H: Heading> Chain<'_, S, H> {
         }
         if sample.transmitted && surfaces.encloses(hit.object) {
             link.inside.cross(hit.object, hit.front);
+            sampler.counters.effects.boundaries += 1;
         }
         link.ray = Ray {
             origin: hit.spawn_origin(sample.direction),
@@ -233,6 +236,7 @@ impl<S: Spectrum, H: Heading> Chain<'_, S, H> {
         sampler: &mut Sampler,
     ) -> bool {
         let (world, ray) = (self.world, link.ray);
+        sampler.counters.effects.surface_rays += 1;
         let hit = self
             .surfaces
             .intersect(ray.origin, ray.direction, f32::INFINITY);
@@ -322,6 +326,7 @@ impl<S: Spectrum, H: Heading> Chain<'_, S, H> {
             let stratum = (i as f32 + sampler.uniform()) / SKY_SAMPLES as f32;
             let u = [sampler.uniform(), stratum, sampler.uniform()];
             if let Some(sample) = bsdf.sample(link.ray.direction, u, Transport::Radiance) {
+                sampler.counters.effects.sky += 1;
                 let l = self.world.sky(sample.direction);
                 let tr = self.reach(link, sample.direction, f32::INFINITY, sampler);
                 sum += S::from_rgb(sample.weight) * l * tr;
@@ -344,8 +349,6 @@ impl<S: Spectrum, H: Heading> Chain<'_, S, H> {
         };
         let inside = self.world.inside_beyond(&link.hit, direction, &link.inside);
         self.world
-            .reach(&shadow, distance, &inside, |media, ray, end| {
-                transmittance(media, ray, end, sampler)
-            })
+            .reach(&shadow, distance, &inside, sampler, transmittance)
     }
 }

@@ -224,17 +224,18 @@ fn one_sample<S: Spectrum>(
     let mut scattering = S::ZERO;
     profile.media_at(t, |medium, sigma_t| {
         let medium = &world.media[medium];
+        let counts = &mut sampler.counters.effects;
+        counts.directions += u64::from(!medium.phase.is_isotropic());
         scattering += sigma_t * medium.albedo * medium.phase.p(-sample.direction, -ray.direction);
     });
     if scattering.is_zero() {
         return S::ZERO;
     }
+    sampler.counters.effects.first_order += 1;
     let shadow = Ray {
         origin: position,
         direction: sample.direction,
     };
-    let tr = world.reach(&shadow, sample.distance, inside, |media, ray, end| {
-        transmittance(media, ray, end, sampler)
-    });
+    let tr = world.reach(&shadow, sample.distance, inside, sampler, transmittance);
     profile.transmittance(t) * scattering * sample.value * tr * (1.0 / pdf)
 }

@@ -30,7 +30,7 @@ pub fn radiance<S: Spectrum>(
         let absorbed = S::ONE - medium.albedo;
         profile.stretches(index, |a, b| {
             let middle = 0.5 * (a + b);
-            counters.density_lookups += 1;
+            counters.effects.temperatures += 1;
             let l_e = emission.radiance_at(ray.at(middle));
             if l_e == Rgb::ZERO {
                 return;

@@ -179,7 +179,10 @@ impl<'a, S: Spectrum, H: Heading> PointMap<'a, S, H> {
                 Some(step) => step.max(shortest),
                 None => {
                     let p = ray.at(t);
-                    let radius = self.radii.at(p).min(self.rate.reach(p));
+                    // Where nothing scatters nothing reaches, and nothing is gathered.
+                    let reach = self.rate.reach(p);
+                    let reach = if reach > 0.0 { reach } else { f32::INFINITY };
+                    let radius = self.radii.at(p).min(reach);
                     (STEP * radius * self.steps).max(exact_shortest)
                 }
             }

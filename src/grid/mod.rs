@@ -28,6 +28,7 @@ pub mod load;
 pub mod majorant;
 pub mod merge;
 mod place;
+pub mod plateau;
 mod values;
 pub mod walk;
 

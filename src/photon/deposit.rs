@@ -55,7 +55,7 @@ const DEPOSITS_PER_PATH: f64 = 2.0;
 pub struct Part {
     /// Box around the medium.
     pub bounds: Bounds,
-    /// Largest radius of a kernel in it. \[m\]
+    /// Largest radius of a kernel in it; 0 where it scatters nothing, and nothing is gathered. \[m\]
     pub reach: f32,
 }
 
@@ -115,6 +115,7 @@ impl DepositRate {
     pub fn new<S: Spectrum>(media: &[Medium<S>], parts: &[Part]) -> Self {
         let bounds = parts
             .iter()
+            .filter(|part| part.reach > 0.0)
             .fold(Bounds::EMPTY, |all, part| all.union(&part.reached()));
         let longest = bounds.size().max_element();
         if !(longest > 0.0 && longest.is_finite()) {
@@ -135,11 +136,13 @@ impl DepositRate {
             cells: vec![Cell::default(); (dims.x * dims.y * dims.z) as usize],
             scale: FIRST_SCALE,
         };
-        for (medium, part) in media.iter().zip(parts) {
+        for (medium, part) in media.iter().zip(parts).filter(|(_, p)| p.reach > 0.0) {
             // A medium smaller than a cell must not fill the cell with deposits.
             let per_extent = 1.0 / (2.0 * part.bounds.radius()).max(edge);
             match &medium.field {
-                Field::Constant { .. } => this.raise(&part.bounds, part.reach, per_extent),
+                Field::Constant { .. } | Field::Plateau(_) => {
+                    this.raise(&part.bounds, part.reach, per_extent);
+                }
                 Field::Grid(field) => {
                     let to_world = field.world_to_local.inverse();
                     let highest = field.majorants.highest();

@@ -41,7 +41,7 @@ use crate::ray::{Bounds, Ray};
 use crate::rng::{Rng, Stage};
 use crate::scene::Direct;
 use crate::spectrum::Spectrum;
-use crate::surface::{Hit, Inside, Transport};
+use crate::surface::{Hit, Inside, SampleKind, Transport};
 use crate::tracking::{Collision, Counters, Hero, Sampler, sample_free_flight};
 use crate::world::{World, passes};
 
@@ -241,6 +241,10 @@ pub fn trace_photons<S: Spectrum, H: Heading>(
         all.energy += chunk.energy;
         all.counters += chunk.counters;
     }
+    let counts = &mut all.counters.effects;
+    counts.first_order += all.first.len() as u64;
+    counts.higher_orders += all.higher.len() as u64;
+    counts.surface_photons += all.surface.len() as u64;
     all
 }
 
@@ -278,6 +282,9 @@ fn trace_one<S: Spectrum, H: Heading>(
     };
     let power = power * (1.0 / (shares.probability[which] * settings.emit as f32));
     out.energy.emitted += f64::from(power.mean());
+    let counts = &mut sampler.counters.effects;
+    counts.sky += u64::from(light.is_sky());
+    counts.coloured += u64::from(S::CHANNELS > 1);
     let keep_first = settings.direct == Direct::Photons || light.is_sky();
     Flight {
         world,
@@ -320,6 +327,7 @@ impl<S: Spectrum> Flight<'_, S> {
     ) {
         let world = self.world;
         for _ in 0..MAX_PIECES {
+            sampler.counters.effects.surface_rays += u64::from(world.surfaces.is_some());
             let hit = world
                 .surfaces
                 .as_ref()
@@ -376,6 +384,7 @@ impl<S: Spectrum> Flight<'_, S> {
         let world = self.world;
         let medium = &world.media[first + collision.medium];
         let position = self.ray.at(collision.t);
+        sampler.counters.effects.absorbing += u64::from(medium.absorbs());
         let arriving = self.power * self.hero.weight();
         let scattered = arriving * medium.albedo;
         self.order += 1;
@@ -393,6 +402,8 @@ impl<S: Spectrum> Flight<'_, S> {
         let goes_on = scattered * (1.0 / survival);
         out.energy.absorbed += f64::from((arriving - goes_on).mean());
         self.power = self.power * medium.albedo * (1.0 / survival);
+        let counts = &mut sampler.counters.effects;
+        counts.directions += u64::from(!medium.phase.is_isotropic());
         let direction = medium.phase.sample(self.ray.direction, sampler.uniform2());
         self.ray = Ray {
             origin: position,
@@ -417,6 +428,7 @@ impl<S: Spectrum> Flight<'_, S> {
         if passes(surfaces, hit, &self.inside) {
             if surfaces.encloses(hit.object) {
                 self.inside.cross(hit.object, hit.front);
+                sampler.counters.effects.boundaries += 1;
             }
             self.ray.origin = hit.spawn_origin(direction);
             return true;
@@ -446,6 +458,7 @@ impl<S: Spectrum> Flight<'_, S> {
             out.energy.on_surfaces += stays;
             return false;
         };
+        sampler.counters.effects.specular += u64::from(sample.kind != SampleKind::Diffuse);
         let weight = S::from_rgb(sample.weight);
         let survival = ((arriving * weight).max_channel() / arriving.max_channel()).min(1.0);
         if survival < 1.0 && sampler.uniform() >= survival {
@@ -457,6 +470,7 @@ impl<S: Spectrum> Flight<'_, S> {
         out.energy.on_surfaces += stays - f64::from((self.power * self.hero.weight()).mean());
         if sample.transmitted && surfaces.encloses(hit.object) {
             self.inside.cross(hit.object, hit.front);
+            sampler.counters.effects.boundaries += 1;
         }
         self.ray = Ray {
             origin: hit.spawn_origin(sample.direction),

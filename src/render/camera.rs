@@ -5,6 +5,7 @@ use crate::estimate::emission;
 use crate::film::Sample;
 use crate::march::Profile;
 use crate::ray::Ray;
+use crate::rng::Rng;
 use crate::spectrum::Spectrum;
 use crate::surface::Hit;
 use crate::tracking::Sampler;
@@ -47,22 +48,22 @@ impl Sum {
 }
 
 /// Everything of a camera ray up to the first surface but its photons: profile, background,
-/// emission, first order. Returns the surface that it meets.
+/// emission, first order. Returns the surface that it meets. `lens` draws points on the lens.
 pub(super) fn camera_ray<S: Spectrum>(
     job: &Job<'_, S>,
     pixel: [u32; 2],
-    ray: &mut Ray,
-    profile: &mut Profile<S>,
+    (ray, profile): (&mut Ray, &mut Profile<S>),
     sum: &mut Sum,
+    lens: Option<&mut Rng>,
     sampler: &mut Sampler,
 ) -> Option<Hit> {
     let world = job.world;
+    let counts = &mut sampler.counters.effects;
+    counts.coloured += u64::from(S::CHANNELS > 1);
+    counts.surface_rays += u64::from(world.surfaces.is_some());
+    counts.lens_points += u64::from(lens.is_some());
     let [jx, jy] = sampler.uniform2();
-    let lens = if world.camera.is_pinhole() {
-        [0.0; 2]
-    } else {
-        sampler.uniform2()
-    };
+    let lens = lens.map_or([0.0; 2], |rng| [rng.uniform(), rng.uniform()]);
     *ray = world
         .camera
         .ray([pixel[0] as f32 + jx, pixel[1] as f32 + jy], lens);

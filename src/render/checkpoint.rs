@@ -25,13 +25,14 @@ use crate::atomic::{self, OutputError};
 use crate::film::Film;
 use crate::photon::Energy;
 use crate::scene::{Light, Material, Method, Scene, Shape};
+use crate::tracking::{EFFECTS, EffectCounts};
 
 /// Time between checkpoints; at most one pass more. Longer: more is lost in a power cut; shorter:
 /// more of the time goes into writing 132 bytes a pixel.
 pub(super) const SAVE_EVERY: Duration = Duration::from_secs(60);
 
 /// First bytes; the digit counts layouts.
-const MAGIC: &[u8; 8] = b"vpmckpt1";
+const MAGIC: &[u8; 8] = b"vpmckpt2";
 
 /// What the fingerprints are of.
 const PARTS: [&str; 4] = [
@@ -42,7 +43,7 @@ const PARTS: [&str; 4] = [
 ];
 
 /// Numbers of the work done.
-const COUNTS: usize = 11;
+const COUNTS: usize = 11 + EFFECTS;
 
 /// Bytes ahead of the film.
 const HEADER: usize = MAGIC.len() + 8 * (PARTS.len() + COUNTS);
@@ -214,7 +215,8 @@ impl Tally {
     /// What was done, without the times, which are a run's own.
     fn counts(&self) -> [u64; COUNTS] {
         let (p, c, e) = (&self.photons, &self.counters, &self.energy);
-        [
+        let mut counts = [0; COUNTS];
+        let first: [u64; COUNTS - EFFECTS] = [
             p.emitted,
             p.stored,
             c.free_flights,
@@ -226,7 +228,10 @@ impl Tally {
             e.on_surfaces.to_bits(),
             e.escaped.to_bits(),
             e.cut_off.to_bits(),
-        ]
+        ];
+        counts[..COUNTS - EFFECTS].copy_from_slice(&first);
+        counts[COUNTS - EFFECTS..].copy_from_slice(&c.effects.to_array());
+        counts
     }
 
     /// From [`Tally::counts`].
@@ -242,7 +247,10 @@ impl Tally {
             this.counters.gathered_photons,
             ..,
         ] = counts;
-        [.., energy[0], energy[1], energy[2], energy[3], energy[4]] = counts;
+        let mut effects = [0; EFFECTS];
+        effects.copy_from_slice(&counts[COUNTS - EFFECTS..]);
+        this.counters.effects = EffectCounts::from_array(effects);
+        energy.copy_from_slice(&counts[COUNTS - EFFECTS - 5..COUNTS - EFFECTS]);
         let [emitted, absorbed, on_surfaces, escaped, cut_off] = energy.map(f64::from_bits);
         this.energy = Energy {
             emitted,

@@ -8,15 +8,11 @@
 
 mod camera;
 pub mod checkpoint;
-pub mod error;
 mod forecast;
 mod path;
 mod photons;
 mod pilot;
 
-pub(crate) use path::PATHS_PER_PASS;
-
-use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -26,11 +22,11 @@ use thiserror::Error;
 use crate::effects::EffectPlan;
 use crate::estimate::direct::DirectLights;
 use crate::estimate::tiles::TileGrid;
-use crate::film::{Film, Sample};
+use crate::film::Film;
 use crate::grid::load::load_volumes;
 use crate::photon::{Energy, Heading, Packed};
 use crate::progress::Progress;
-use crate::report::{ImageFigures, PhotonCounts, Report, Times, peak_rss_bytes};
+use crate::report::{ImageFigures, Memory, PhotonCounts, Report, Times, peak_rss_bytes};
 use crate::scene::{Method, Scene, Settings};
 use crate::spectrum::Spectrum;
 use crate::surface::Surfaces;
@@ -74,6 +70,8 @@ pub struct Rendered {
     pub report: Report,
     /// Where the photons' power went, all passes together.
     pub energy: Energy,
+    /// What was done how often.
+    pub counters: Counters,
     /// Fewer passes than asked for.
     pub stopped_early: bool,
 }
@@ -117,26 +115,13 @@ pub fn render_kept(
     exec: &Exec<'_>,
     keep: Option<&mut Checkpoint>,
 ) -> Result<Rendered, RenderError> {
-    render_told(scene, exec, keep, &mut unwatched)
-}
-
-/// [`render_kept`] that tells `watch` of each pass.
-///
-/// # Errors
-/// [`RenderError`]: a volume that cannot be read, or what this version does not render.
-pub fn render_told(
-    scene: &Scene,
-    exec: &Exec<'_>,
-    keep: Option<&mut Checkpoint>,
-    watch: &mut dyn Watch,
-) -> Result<Rendered, RenderError> {
     pool(exec)?.install(|| {
         let start = Instant::now();
         check_supported(scene)?;
         exec.progress.stage("load", None);
         let volumes = load_volumes(scene, exec.warn)?;
         let load = start.elapsed().as_secs_f64();
-        let mut rendered = planned(scene, volumes, exec, start, Beside { keep, watch })?;
+        let mut rendered = planned(scene, volumes, exec, start, keep)?;
         rendered.report.time_s.load = load;
         Ok(rendered)
     })
@@ -154,85 +139,8 @@ pub fn render_loaded(
 ) -> Result<Rendered, RenderError> {
     pool(exec)?.install(|| {
         check_supported(scene)?;
-        let beside = Beside {
-            keep: None,
-            watch: &mut unwatched,
-        };
-        planned(scene, volumes, exec, Instant::now(), beside)
+        planned(scene, volumes, exec, Instant::now(), None)
     })
-}
-
-/// A pass that is done, as [`render_watched`] tells of it.
-#[derive(Debug)]
-pub struct PassDone<'a> {
-    /// Its number, from 0.
-    pub pass: u32,
-    /// Dimension of the kernel whose schedule the radii follow.
-    pub dimension: u32,
-    /// All passes so far.
-    pub film: &'a Film,
-    /// Pixels of this pass, row-major.
-    pub samples: &'a [Sample],
-    /// The same from other radii, where [`Watch::second_radius`] asked for it.
-    pub second: Option<&'a [Sample]>,
-    /// Since the render began, loading excluded. \[s\]
-    pub seconds: f64,
-    /// By stage, all passes so far.
-    pub times: Times,
-}
-
-/// Hears of each pass.
-pub trait Watch: Send {
-    /// Factor on all radii with which the photons of `pass`, from 0, are to be gathered a second
-    /// time along the same camera rays, beside the picture; not at all without it.
-    fn second_radius(&self, _pass: u32) -> Option<f32> {
-        None
-    }
-
-    /// Called after each pass; `Break` ends the render.
-    fn pass_done(&mut self, done: &PassDone<'_>) -> ControlFlow<()>;
-}
-
-impl<F: FnMut(&PassDone<'_>) -> ControlFlow<()> + Send> Watch for F {
-    fn pass_done(&mut self, done: &PassDone<'_>) -> ControlFlow<()> {
-        self(done)
-    }
-}
-
-/// What a pass gathers.
-struct Gathered {
-    samples: Vec<Sample>,
-    second: Option<Vec<Sample>>,
-}
-
-/// [`render_loaded`] that tells `watch` of each pass.
-///
-/// # Errors
-/// [`RenderError`]: what this version does not render.
-pub fn render_watched(
-    scene: &Scene,
-    volumes: Vec<LoadedVolume>,
-    exec: &Exec<'_>,
-    watch: &mut dyn Watch,
-) -> Result<Rendered, RenderError> {
-    pool(exec)?.install(|| {
-        check_supported(scene)?;
-        let beside = Beside { keep: None, watch };
-        planned(scene, volumes, exec, Instant::now(), beside)
-    })
-}
-
-/// What goes on beside the passes.
-struct Beside<'a> {
-    /// Keeps the state.
-    keep: Option<&'a mut Checkpoint>,
-    /// Hears of each pass.
-    watch: &'a mut dyn Watch,
-}
-
-/// Watches nothing.
-fn unwatched(_: &PassDone<'_>) -> ControlFlow<()> {
-    ControlFlow::Continue(())
 }
 
 /// The threads of a render.
@@ -253,27 +161,60 @@ fn planned(
     volumes: Vec<LoadedVolume>,
     exec: &Exec<'_>,
     start: Instant,
-    beside: Beside<'_>,
+    keep: Option<&mut Checkpoint>,
 ) -> Result<Rendered, RenderError> {
     let plan = EffectPlan::new(scene, &volumes);
+    in_form(scene, volumes, plan, exec, (start, keep))
+}
+
+/// Renders a scene whose volumes are in memory in the forms of a plan that may be more general than
+/// its own: to measure what each of them saves. The whole began at `start`.
+///
+/// # Errors
+/// [`RenderError`]: what this version does not render.
+pub fn render_as(
+    scene: &Scene,
+    volumes: Vec<LoadedVolume>,
+    plan: EffectPlan,
+    exec: &Exec<'_>,
+    start: Instant,
+) -> Result<Rendered, RenderError> {
+    in_form(scene, volumes, plan, exec, (start, None))
+}
+
+/// Renders in the forms of a plan.
+fn in_form(
+    scene: &Scene,
+    volumes: Vec<LoadedVolume>,
+    plan: EffectPlan,
+    exec: &Exec<'_>,
+    (start, keep): (Instant, Option<&mut Checkpoint>),
+) -> Result<Rendered, RenderError> {
+    let (scene, volumes) = plan.kept.take(scene, volumes, plan.emission);
+    let scene = &scene;
     let clock = Instant::now();
     let mut rendered = match (plan.chromatic, plan.headings) {
         (false, false) => in_world(scene, volumes, &plan, exec, |job| {
-            run::<f32, ()>(job, clock, start, beside)
+            run::<f32, ()>(job, clock, start, keep)
         }),
         (false, true) => in_world(scene, volumes, &plan, exec, |job| {
-            run::<f32, Packed>(job, clock, start, beside)
+            run::<f32, Packed>(job, clock, start, keep)
         }),
         (true, false) => in_world(scene, volumes, &plan, exec, |job| {
-            run::<Vec3, ()>(job, clock, start, beside)
+            run::<Vec3, ()>(job, clock, start, keep)
         }),
         (true, true) => in_world(scene, volumes, &plan, exec, |job| {
-            run::<Vec3, Packed>(job, clock, start, beside)
+            run::<Vec3, Packed>(job, clock, start, keep)
         }),
     }?;
     exec.progress.finish();
     rendered.report.threads = rayon::current_num_threads();
     rendered.report.effects = plan.effects;
+    rendered.report.dropped = plan.dropped;
+    let counts = rendered.counters.by_effect();
+    for (effect, count) in rendered.report.effects.iter_mut().zip(counts) {
+        effect.count = Some(count);
+    }
     rendered.report.time_s.total = start.elapsed().as_secs_f64();
     Ok(rendered)
 }
@@ -305,6 +246,8 @@ pub fn plan_loaded(
     exec: &Exec<'_>,
 ) -> Result<(EffectPlan, Forecast), RenderError> {
     let plan = EffectPlan::new(scene, &volumes);
+    let (scene, volumes) = plan.kept.take(scene, volumes, plan.emission);
+    let scene = &scene;
     let clock = Instant::now();
     let forecast = match (plan.chromatic, plan.headings) {
         (false, false) => in_world(scene, volumes, &plan, exec, |job| {
@@ -356,7 +299,7 @@ fn in_world<S: Spectrum, T>(
     exec: &Exec<'_>,
     then: impl FnOnce(&Job<'_, S>) -> T,
 ) -> Result<T, RenderError> {
-    let world = World::new(scene, volumes)?;
+    let world = World::with(scene, volumes, plan.general)?;
     for warning in world.surfaces.iter().flat_map(Surfaces::warnings) {
         (exec.warn)(&warning.to_string());
     }
@@ -380,6 +323,7 @@ fn in_world<S: Spectrum, T>(
 #[derive(Default)]
 struct Tally {
     times: Times,
+    memory: Memory,
     photons: PhotonCounts,
     counters: Counters,
     energy: Energy,
@@ -388,7 +332,7 @@ struct Tally {
 /// Passes of a render in all.
 fn pass_count(settings: &Settings) -> u32 {
     match settings.method {
-        Method::Path => settings.spp.div_ceil(PATHS_PER_PASS),
+        Method::Path => settings.spp.div_ceil(path::PATHS_PER_PASS),
         Method::Beam | Method::Point => settings.passes,
     }
 }
@@ -398,9 +342,8 @@ fn run<S: Spectrum, H: Heading>(
     job: &Job<'_, S>,
     build: Instant,
     start: Instant,
-    beside: Beside<'_>,
+    mut keep: Option<&mut Checkpoint>,
 ) -> Rendered {
-    let Beside { mut keep, watch } = beside;
     let (scene, exec) = (job.scene, job.exec);
     let settings = &scene.settings;
     let [width, height] = scene.camera.resolution;
@@ -408,6 +351,8 @@ fn run<S: Spectrum, H: Heading>(
     // The pilot of a render that goes on was counted before it was stopped.
     let mut pilot_tally = Tally::default();
     pilot_tally.times.build = build.elapsed().as_secs_f64();
+    pilot_tally.memory.load = job.world.grid_bytes() as u64;
+    pilot_tally.memory.build = job.world.structure_bytes() as u64;
     let radii = job
         .plan
         .photons
@@ -417,11 +362,13 @@ fn run<S: Spectrum, H: Heading>(
             film,
             Tally {
                 times: pilot_tally.times,
+                memory: pilot_tally.memory,
                 ..tally
             },
         ),
         None => (Film::new(width, height, settings.crop), pilot_tally),
     };
+    tally.memory.gather = film.memory_bytes() as u64;
     let passes = pass_count(settings);
     let (first_pass, first) = (Instant::now(), film.passes());
     let mut save = |film: &Film, tally: &Tally| {
@@ -452,30 +399,12 @@ fn run<S: Spectrum, H: Heading>(
                 last_save = Instant::now();
             }
         }
-        let gathered = match (&radii, settings.method) {
-            (_, Method::Path) => Gathered {
-                samples: path::pass(job, pass, &mut tally),
-                second: None,
-            },
-            (radii, _) => {
-                let second = watch.second_radius(pass);
-                photons::pass::<S, H>(job, radii.as_ref(), pass, second, &mut tally)
-            }
+        let samples = match (&radii, settings.method) {
+            (_, Method::Path) => path::pass(job, pass, &mut tally),
+            (radii, _) => photons::pass::<S, H>(job, radii.as_ref(), pass, &mut tally),
         };
-        film.add_pass(&gathered.samples);
+        film.add_pass(&samples);
         pass += 1;
-        let done = PassDone {
-            pass: pass - 1,
-            dimension: photons::blur_dimension(settings.method),
-            film: &film,
-            samples: &gathered.samples,
-            second: gathered.second.as_deref(),
-            seconds: start.elapsed().as_secs_f64(),
-            times: tally.times,
-        };
-        if watch.pass_done(&done).is_break() {
-            break false;
-        }
     };
 
     let counters = tally.counters;
@@ -487,11 +416,12 @@ fn run<S: Spectrum, H: Heading>(
         passes: film.passes(),
         time_s: tally.times,
         peak_rss_bytes: peak_rss_bytes(),
+        memory_bytes: tally.memory,
         photons: tally.photons,
         counters: crate::report::Counters {
             free_flights: counters.free_flights,
             transmittance_rays: counters.transmittance_rays,
-            density_lookups: counters.density_lookups,
+            density_lookups: counters.density_lookups + counters.effects.temperatures,
             gathered_photons: counters.gathered_photons,
         },
         image: ImageFigures::from(&film),
@@ -501,6 +431,7 @@ fn run<S: Spectrum, H: Heading>(
         film,
         report,
         energy: tally.energy,
+        counters,
         stopped_early,
     }
 }

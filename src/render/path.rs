@@ -13,7 +13,7 @@ use crate::spectrum::Spectrum;
 use crate::tracking::{Counters, Sampler};
 
 /// Paths through a pixel in one pass of the path tracer.
-pub(crate) const PATHS_PER_PASS: u32 = 4;
+pub(super) const PATHS_PER_PASS: u32 = 4;
 
 /// One pass of the path tracer.
 pub(super) fn pass<S: Spectrum>(job: &Job<'_, S>, pass: u32, tally: &mut Tally) -> Vec<Sample> {
@@ -52,14 +52,14 @@ pub(super) fn pixel<S: Spectrum>(
     let index = u64::from(y) << 32 | u64::from(x);
     let seed = job.scene.settings.seed;
     let mut sampler = Sampler::new(Rng::stream(seed, Stage::Path, pass.into(), index));
+    let mut lens = (job.plan.lens).then(|| Rng::stream(seed, Stage::Lens, pass.into(), index));
     let mut sum = Sum::default();
     for _ in 0..PATHS_PER_PASS {
         let [jx, jy] = sampler.uniform2();
-        let lens = if job.world.camera.is_pinhole() {
-            [0.0; 2]
-        } else {
-            sampler.uniform2()
-        };
+        let counts = &mut sampler.counters.effects;
+        counts.coloured += u64::from(S::CHANNELS > 1);
+        counts.lens_points += u64::from(job.plan.lens);
+        let lens = (lens.as_mut()).map_or([0.0; 2], |rng| [rng.uniform(), rng.uniform()]);
         let ray = job.world.camera.ray([x as f32 + jx, y as f32 + jy], lens);
         let path = trace_path(job.world, ray, &mut sampler);
         sum.sample.direct += path.direct;

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::camera::{Sum, camera_ray};
 use super::pilot::Radii;
-use super::{Gathered, Job, Tally};
+use super::{Job, Tally};
 use crate::estimate::chain::{Chain, Link, Scratch};
 use crate::estimate::gather::MediaPhotons;
 use crate::estimate::point::PointMap;
@@ -21,15 +21,13 @@ use crate::scene::Method;
 use crate::spectrum::Spectrum;
 use crate::tracking::{Counters, Sampler};
 
-/// One pass of the beam estimate or of the point estimate; with `second`, its photons are gathered
-/// once more with all radii times that, along the same camera rays.
+/// One pass of the beam estimate or of the point estimate.
 pub(super) fn pass<S: Spectrum, H: Heading>(
     job: &Job<'_, S>,
     radii: Option<&Radii<S>>,
     pass: u32,
-    second: Option<f32>,
     tally: &mut Tally,
-) -> Gathered {
+) -> Vec<Sample> {
     let settings = &job.scene.settings;
     let mut traced = None;
     if let Some(radii) = radii {
@@ -40,28 +38,15 @@ pub(super) fn pass<S: Spectrum, H: Heading>(
         tally.photons.stored += photons.stored() as u64;
         tally.counters += photons.counters;
         tally.energy += photons.energy;
+        let bytes = photons.memory_bytes() as u64;
+        tally.memory.photons = tally.memory.photons.max(bytes);
         traced = Some((photons, radii));
         tally.times.photons += clock.elapsed().as_secs_f64();
     }
-    let again = second.map(|factor| (factor, traced.clone()));
-    let scale = radius_scale(pass, blur_dimension(settings.method));
-    Gathered {
-        samples: gathered(job, traced, [scale; 2], pass, tally),
-        second: again
-            .map(|(factor, traced)| gathered(job, traced, [scale * factor, scale], pass, tally)),
-    }
-}
-
-/// Gathers the photons of a pass with radii and steps times `scales`.
-fn gathered<S: Spectrum, H: Heading>(
-    job: &Job<'_, S>,
-    traced: Option<(Photons<S, H>, &Radii<S>)>,
-    scales: [f32; 2],
-    pass: u32,
-    tally: &mut Tally,
-) -> Vec<Sample> {
     let clock = Instant::now();
-    let gather = Gather::new(job, traced, scales);
+    let scale = radius_scale(pass, blur_dimension(settings.method));
+    let gather = Gather::new(job, traced, [scale; 2]);
+    tally.memory.map = tally.memory.map.max(gather.memory_bytes() as u64);
     tally.times.map += clock.elapsed().as_secs_f64();
 
     let clock = Instant::now();
@@ -162,7 +147,7 @@ impl<'a, S: Spectrum, H: Heading> Gather<'a, S, H> {
                 surface,
             };
         }
-        let pinhole = job.world.camera.is_pinhole();
+        let pinhole = !job.plan.lens;
         Self {
             alone: (!pinhole || job.plan.follow)
                 .then(|| MediaPhotons::Beam(photons.clone().map(PhotonMap::new), settings.kernel)),
@@ -283,14 +268,17 @@ impl<'a, S: Spectrum, H: Heading> Band<'a, S, H> {
                 let stream = u64::from(self.pass) * u64::from(settings.spp) + u64::from(s);
                 let mut sampler =
                     Sampler::new(Rng::stream(settings.seed, Stage::Camera, stream, index));
+                let mut lens =
+                    (job.plan.lens).then(|| Rng::stream(settings.seed, Stage::Lens, stream, index));
                 let (ray, profile) = (&mut rays.rays[i], &mut rays.profiles[i]);
-                let hit = camera_ray(job, pixel, ray, profile, &mut sum[i], &mut sampler);
+                let sum = &mut sum[i];
+                let hit = camera_ray(job, pixel, (ray, profile), sum, lens.as_mut(), &mut sampler);
                 if let (Some(chain), Some(hit)) = (&self.chain, hit) {
                     let tr = rays.profiles[i].transmittance;
                     let link = Link::first(job.world, &rays.rays[i], hit, tr);
                     chain
                         .follow(link, &mut self.scratch, &mut sampler)
-                        .add_to(&mut sum[i].sample);
+                        .add_to(&mut sum.sample);
                 }
                 if let (Some(photons), None) = (&gather.alone, &gather.tiles) {
                     let found = photons.radiance(

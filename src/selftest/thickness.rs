@@ -47,6 +47,7 @@ const FOG: Bounds = Bounds {
 fn local(medium: &Medium<f32>, ray: &Ray) -> Ray {
     match &medium.field {
         Field::Grid(field) => field.local_ray(ray),
+        Field::Plateau(field) => field.local_ray(ray),
         Field::Constant { .. } => *ray,
     }
 }

@@ -3,6 +3,7 @@
 mod agreement;
 mod cli;
 mod determinism;
+mod effects;
 mod fields;
 mod film_image;
 mod furnace;
@@ -14,9 +15,7 @@ mod resume;
 mod scene_file;
 mod selftest;
 mod stats;
-mod study;
 mod surface;
-mod target_error;
 mod transmittance;
 mod transport;
 mod vdb_bad;

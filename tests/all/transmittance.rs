@@ -37,6 +37,7 @@ const EPS: f64 = f32::EPSILON as f64;
 fn local<S>(medium: &Medium<S>, ray: &Ray) -> Ray {
     match &medium.field {
         Field::Grid(field) => field.local_ray(ray),
+        Field::Plateau(field) => field.local_ray(ray),
         Field::Constant { .. } => *ray,
     }
 }
