@@ -11,6 +11,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand};
 use vpm_vdb::frames;
 use vpm_vdb::scene::Method;
+use vpm_vdb::selftest::FAMILIES;
 
 /// Renders smoke, clouds, fog and fire stored in OpenVDB files by volumetric photon mapping.
 ///
@@ -164,6 +165,9 @@ pub(crate) struct SelftestArgs {
     /// Fewer points, rays and samples: half a minute instead of two.
     #[arg(long)]
     pub(crate) quick: bool,
+    /// Only the checks of one family [default: all].
+    #[arg(long, value_name = "NAME", value_parser = PossibleValuesParser::new(FAMILIES.map(|f| f.0)))]
+    pub(crate) family: Option<String>,
     /// Print JSON.
     #[arg(long)]
     pub(crate) json: bool,

@@ -183,8 +183,8 @@ impl<S: Spectrum> Path<'_, S> {
             return false;
         };
         if passes(surfaces, hit, &self.inside) {
+            surfaces.cross(hit, self.ray.direction, &mut self.inside);
             if surfaces.encloses(hit.object) {
-                self.inside.cross(hit.object, hit.front);
                 sampler.counters.effects.boundaries += 1;
             }
             self.travelled += hit.t;
@@ -225,9 +225,11 @@ impl<S: Spectrum> Path<'_, S> {
         if !sample.transmitted && !self.roulette(sampler) {
             return false;
         }
-        if sample.transmitted && surfaces.encloses(hit.object) {
-            self.inside.cross(hit.object, hit.front);
-            sampler.counters.effects.boundaries += 1;
+        if sample.transmitted {
+            surfaces.cross(hit, sample.direction, &mut self.inside);
+            if surfaces.encloses(hit.object) {
+                sampler.counters.effects.boundaries += 1;
+            }
         }
         self.ray = Ray {
             origin: hit.spawn_origin(sample.direction),

@@ -60,6 +60,32 @@ pub trait Spectrum:
     }
 }
 
+/// A running sum that carries along what rounding drops from it (Kahan 1965): a million terms are
+/// summed as exactly as ten.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Compensated<S> {
+    sum: S,
+    excess: S,
+}
+
+impl<S: Spectrum> Compensated<S> {
+    /// Adds a term.
+    #[inline]
+    pub fn add(&mut self, term: S) {
+        let term = term - self.excess;
+        let sum = self.sum + term;
+        self.excess = (sum - self.sum) - term;
+        self.sum = sum;
+    }
+
+    /// The sum so far.
+    #[inline]
+    #[must_use]
+    pub fn sum(&self) -> S {
+        self.sum
+    }
+}
+
 impl Spectrum for f32 {
     const CHANNELS: usize = 1;
     const ZERO: Self = 0.0;

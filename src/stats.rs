@@ -156,7 +156,7 @@ fn ks_q(lambda: f64) -> f64 {
 }
 
 /// ln of the gamma function (Lanczos 1964, g = 7).
-fn ln_gamma(x: f64) -> f64 {
+pub(crate) fn ln_gamma(x: f64) -> f64 {
     const C: [f64; 9] = [
         0.999_999_999_999_809_9,
         676.520_368_121_885_1,

@@ -411,9 +411,7 @@ impl<S: Spectrum> World<S> {
             if tr.is_zero() {
                 return tr;
             }
-            if surfaces.encloses(hit.object) {
-                inside.cross(hit.object, hit.front);
-            }
+            surfaces.cross(&hit, ray.direction, &mut inside);
             ray.origin = hit.spawn_origin(ray.direction);
             left -= hit.t;
             whole -= hit.t;
@@ -427,13 +425,8 @@ impl<S: Spectrum> World<S> {
     pub fn inside_beyond(&self, hit: &Hit, direction: glam::Vec3, inside: &Inside) -> Inside {
         let mut inside = *inside;
         let transmitted = (direction.dot(hit.normal) > 0.0) != hit.front;
-        if transmitted
-            && self
-                .surfaces
-                .as_ref()
-                .is_some_and(|s| s.encloses(hit.object))
-        {
-            inside.cross(hit.object, hit.front);
+        if let Some(surfaces) = self.surfaces.as_ref().filter(|_| transmitted) {
+            surfaces.cross(hit, direction, &mut inside);
         }
         inside
     }

@@ -27,7 +27,7 @@ use crate::phase::ISOTROPIC;
 use crate::photon::map::PhotonMap;
 use crate::photon::{Heading, Photon};
 use crate::ray::Ray;
-use crate::spectrum::Spectrum;
+use crate::spectrum::{Compensated, Spectrum};
 use crate::tracking::Counters;
 
 /// What one photon adds: T sigma_s p P K. \[W/(m2 sr)\]
@@ -66,13 +66,13 @@ pub fn radiance<S: Spectrum, H: Heading>(
     compartment: u8,
     counters: &mut Counters,
 ) -> S {
-    let mut sum = S::ZERO;
+    let mut sum = Compensated::default();
     map.along(ray, 0.0, profile.t_end, |photon, t, d2| {
         if H::KEPT && photon.heading.compartment() != compartment {
             return;
         }
         counters.gathered_photons += 1;
-        sum += contribution(kernel, media, profile, ray, photon, t, d2);
+        sum.add(contribution(kernel, media, profile, ray, photon, t, d2));
     });
-    sum
+    sum.sum()
 }

@@ -172,8 +172,8 @@ impl<S: Spectrum, H: Heading> Chain<'_, S, H> {
         let (surfaces, hit) = (self.surfaces, link.hit);
         let direction = link.ray.direction;
         if passes(surfaces, &hit, &link.inside) {
+            surfaces.cross(&hit, direction, &mut link.inside);
             if surfaces.encloses(hit.object) {
-                link.inside.cross(hit.object, hit.front);
                 sampler.counters.effects.boundaries += 1;
             }
             link.ray.origin = hit.spawn_origin(direction);
@@ -216,9 +216,11 @@ impl<S: Spectrum, H: Heading> Chain<'_, S, H> {
             }
             link.throughput *= ROULETTE_BELOW / most;
         }
-        if sample.transmitted && surfaces.encloses(hit.object) {
-            link.inside.cross(hit.object, hit.front);
-            sampler.counters.effects.boundaries += 1;
+        if sample.transmitted {
+            surfaces.cross(&hit, sample.direction, &mut link.inside);
+            if surfaces.encloses(hit.object) {
+                sampler.counters.effects.boundaries += 1;
+            }
         }
         link.ray = Ray {
             origin: hit.spawn_origin(sample.direction),

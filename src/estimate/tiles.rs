@@ -38,7 +38,7 @@ use crate::medium::Medium;
 use crate::phase::{ISOTROPIC, PhaseFunction};
 use crate::photon::{Heading, Photon};
 use crate::ray::Ray;
-use crate::spectrum::Spectrum;
+use crate::spectrum::{Compensated, Spectrum};
 use crate::tracking::Counters;
 
 /// Pixels of a tile along an edge: the lanes of a SIMD register.
@@ -345,13 +345,21 @@ impl<S: Spectrum, H: Heading> TileRays<S, H> {
             counters.gathered_photons += hits.len() as u64;
             if let Some(only) = profile.only() {
                 let medium = &media[only.medium()];
-                let mut fluence = S::ZERO;
+                let mut fluence = Compensated::default();
                 for eight in hits.chunks(8) {
-                    fluence +=
-                        eight_photons(self.kernel, &only, &medium.phase, camera_ray, near, eight);
+                    let kernel = self.kernel;
+                    fluence.add(eight_photons(
+                        kernel,
+                        &only,
+                        &medium.phase,
+                        camera_ray,
+                        near,
+                        eight,
+                    ));
                 }
-                *sum += fluence * medium.sigma_t * medium.albedo;
+                *sum += fluence.sum() * medium.sigma_t * medium.albedo;
             } else {
+                let mut all = Compensated::default();
                 for hit in hits.iter() {
                     let photon = &near[hit.near as usize].photon;
                     let l = contribution(
@@ -363,8 +371,9 @@ impl<S: Spectrum, H: Heading> TileRays<S, H> {
                         hit.t,
                         hit.d2,
                     );
-                    *sum += l * hit.weight;
+                    all.add(l * hit.weight);
                 }
+                *sum += all.sum();
             }
             hits.clear();
         }

@@ -426,8 +426,8 @@ impl<S: Spectrum> Flight<'_, S> {
         };
         let direction = self.ray.direction;
         if passes(surfaces, hit, &self.inside) {
+            surfaces.cross(hit, direction, &mut self.inside);
             if surfaces.encloses(hit.object) {
-                self.inside.cross(hit.object, hit.front);
                 sampler.counters.effects.boundaries += 1;
             }
             self.ray.origin = hit.spawn_origin(direction);
@@ -468,9 +468,11 @@ impl<S: Spectrum> Flight<'_, S> {
         self.power = self.power * weight * (1.0 / survival);
         // Negative where interpolated normals add power.
         out.energy.on_surfaces += stays - f64::from((self.power * self.hero.weight()).mean());
-        if sample.transmitted && surfaces.encloses(hit.object) {
-            self.inside.cross(hit.object, hit.front);
-            sampler.counters.effects.boundaries += 1;
+        if sample.transmitted {
+            surfaces.cross(hit, sample.direction, &mut self.inside);
+            if surfaces.encloses(hit.object) {
+                sampler.counters.effects.boundaries += 1;
+            }
         }
         self.ray = Ray {
             origin: hit.spawn_origin(sample.direction),

@@ -26,7 +26,12 @@ impl<'a> Depth<'a> {
     /// Of [0, `t_max`] of the ray.
     #[must_use]
     pub fn new(grid: &'a Grid, ray: &Ray, t_max: f64) -> Self {
-        let (origin, direction) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
+        Self::of(grid, ray.origin.as_dvec3(), ray.direction.as_dvec3(), t_max)
+    }
+
+    /// The same of a ray that f32 does not know.
+    #[must_use]
+    pub fn of(grid: &'a Grid, origin: DVec3, direction: DVec3, t_max: f64) -> Self {
         let (low, high) = (grid.support().min.as_dvec3(), grid.support().max.as_dvec3());
         let (mut enter, mut exit) = (0.0, t_max);
         for axis in 0..3 {

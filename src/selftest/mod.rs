@@ -15,9 +15,17 @@
 //! makes each check fail.
 
 pub mod bounds;
+pub mod energy;
+pub mod equivalence;
 pub mod exact;
 pub mod fields;
+pub mod furnace;
+pub mod grids;
+pub mod lights;
+pub mod long;
 pub mod phase;
+pub mod photons;
+pub mod place;
 pub mod rays;
 pub mod thickness;
 
@@ -191,11 +199,19 @@ impl Suite {
 pub type Family = fn(&mut Suite) -> Result<(), SelftestError>;
 
 /// The families, in the order in which they are run.
-pub const FAMILIES: [(&str, Family); 4] = [
+pub const FAMILIES: [(&str, Family); 12] = [
+    ("furnace", furnace::checks),
     ("thickness", thickness::checks),
+    ("place", place::checks),
     ("rays", rays::checks),
     ("majorants", bounds::checks),
+    ("photons", photons::checks),
     ("phase", phase::checks),
+    ("grids", grids::checks),
+    ("lights", lights::checks),
+    ("energy", energy::checks),
+    ("equivalence", equivalence::checks),
+    ("long", long::checks),
 ];
 
 /// Makes the checks of the family of a name; none of an unknown one.

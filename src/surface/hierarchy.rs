@@ -209,8 +209,9 @@ impl Hierarchy {
         });
     }
 
+    /// Where a ray meets a leaf, before `limit`.
     #[inline]
-    fn distance(&self, ray: &Ray, index: u32, limit: f32) -> Option<f32> {
+    pub(super) fn distance(&self, ray: &Ray, index: u32, limit: f32) -> Option<f32> {
         match self.primitives[index as usize] {
             Primitive::Triangle(corners) => ray
                 .shear

@@ -160,12 +160,65 @@ impl Surfaces {
         &self.warnings
     }
 
-    /// Nearest hit with t in (0, `t_max`) along a unit `direction`.
+    /// Nearest hit with t in (0, `t_max`) along a unit `direction`. Of a boundary that lets light
+    /// pass and a wall in the same place, the wall: who passes the one starts behind the other.
     #[must_use]
     pub fn intersect(&self, origin: Vec3, direction: Vec3, t_max: f32) -> Option<Hit> {
         let ray = Ray::new(origin, direction);
         let (index, t) = self.hierarchy.nearest(&ray, t_max)?;
-        self.hit(&ray, index, t)
+        let hit = self.hit(&ray, index, t)?;
+        if self.parts.len() == 1 || self.parts[hit.object as usize].blocks() {
+            return Some(hit);
+        }
+        let mut wall = None;
+        self.visit_beside(&hit, direction, |index, _| {
+            if self.parts[self.leaves[index as usize].object as usize].blocks() {
+                wall = Some(index);
+            }
+        });
+        wall.and_then(|index| {
+            let t = self.hierarchy.distance(&ray, index, t_max)?;
+            self.hit(&ray, index, t)
+        })
+        .or(Some(hit))
+    }
+
+    /// Passes the boundary at `hit` along `direction`: `inside` is then what holds beyond it.
+    /// Boundaries of other objects in the same place (two media side by side) are passed with it,
+    /// since the ray that goes on starts behind them all.
+    pub fn cross(&self, hit: &Hit, direction: Vec3, inside: &mut Inside) {
+        if self.encloses(hit.object) {
+            inside.cross(hit.object, hit.front);
+        }
+        if self.parts.len() == 1 {
+            return;
+        }
+        let mut others = Vec::new();
+        self.visit_beside(hit, direction, |index, inwards| {
+            let other = (self.leaves[index as usize].object, inwards);
+            // An edge between two triangles may report one crossing twice.
+            if other.0 != hit.object && self.encloses(other.0) && !others.contains(&other) {
+                others.push(other);
+            }
+        });
+        for (object, inwards) in others {
+            inside.cross(object, inwards);
+        }
+    }
+
+    /// Visits the leaves between the two starts of rays that leave a hit along `direction` and
+    /// against it, and whether that way goes into them: what lies within its rounding.
+    fn visit_beside(&self, hit: &Hit, direction: Vec3, mut visit: impl FnMut(u32, bool)) {
+        let from = hit.spawn_origin(-direction);
+        let way = hit.spawn_origin(direction) - from;
+        let length = way.length();
+        if length > 0.0 {
+            let ray = Ray::new(from, way / length);
+            self.hierarchy.all(&ray, length, |index, _, inwards| {
+                visit(index, inwards);
+                ControlFlow::Continue(())
+            });
+        }
     }
 
     /// True when anything but an interface lies in (0, `t_max`).

@@ -2,7 +2,6 @@
 
 mod agreement;
 mod cli;
-mod determinism;
 mod effects;
 mod fields;
 mod film_image;

@@ -30,10 +30,18 @@ macro_rules! families {
 }
 
 families! {
+    furnace "furnace";
     thickness "thickness";
+    place "place";
     rays "rays";
     majorants "majorants";
+    photons "photons";
     phase "phase";
+    grids "grids";
+    lights "lights";
+    energy "energy";
+    equivalence "equivalence";
+    long "long";
 }
 
 #[test]
