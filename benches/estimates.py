@@ -21,12 +21,12 @@ ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..")
 BINARY = os.path.join(ROOT, "target", "release", "vpm-vdb")
 # Resolution, and changes to the scene's text.
 SCENES = {
-    "rising_smoke": ("160x200", {}),
-    "cloud": ("160x100", {}),
-    "smoky_cornell": ("120x120", {}),
-    "foggy_street": ("160x90", {}),
+    "rising_smoke": ("96x120", {}),
+    "cloud": ("96x60", {}),
+    "smoky_cornell": ("80x80", {}),
+    "foggy_street": ("96x54", {}),
 }
-REFERENCE_SPP = 1024
+REFERENCE_SPP = 512
 BEAMS = [(12_500, 1), (25_000, 1), (50_000, 1), (100_000, 1), (100_000, 2), (200_000, 2), (200_000, 4)]
 
 

@@ -224,13 +224,15 @@ fn bench<S: Spectrum, H: Heading>(
         let (bands_time, bands) = timed(1, || Bands::new(&all, &world.camera, &grid));
         let (walk_time, (walk_sum, met)) = timed(ROUNDS, || walk(&map));
         let (cell_time, cell_sum) = timed(ROUNDS, || {
-            let sum = each().fold(S::ZERO, |mut sum, r| {
+            let sum = each().fold(S::ZERO, |sum, r| {
+                // Of a ray first: a million terms would drown in one f32.
+                let mut one = S::ZERO;
                 cells.along(&all, &r.ray, r.profile.t_end, |photon, t, d2| {
                     let kernel = Kernel::Biweight;
                     let media = &world.media;
-                    sum += beam::contribution(kernel, media, &r.profile, &r.ray, photon, t, d2);
+                    one += beam::contribution(kernel, media, &r.profile, &r.ray, photon, t, d2);
                 });
-                sum
+                sum + one
             });
             sum.mean()
         });
