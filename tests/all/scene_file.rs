@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use glam::{DVec3, Vec3};
 use vpm_vdb::scene::file::settings_text;
 use vpm_vdb::scene::{
-    Convert, Direct, Emission, Kernel, Light, March, Material, Method, Phase, Scene, Shape,
+    Convert, Direct, Emission, Kernel, Light, March, Material, Method, Phase, Scene, Search, Shape,
 };
 
 /// A folder with a scene file and empty files for it to name.
@@ -244,7 +244,8 @@ fn defaults() {
 #[test]
 fn settings_are_written_as_they_are_read() {
     let text = "[render]\nmethod = \"path\"\nspp = 7\nseed = 18446744073709551615\n\
-                march = { step = 0.25 }\nkernel = \"constant\"\nexposure = -1.5\nphotons = 2e6\n";
+                march = { step = 0.25 }\nkernel = \"constant\"\nexposure = -1.5\nphotons = 2e6\n\
+                search = \"radius\"\n";
     let scene = load(&format!("{CAMERA}{text}"), &[]);
     assert_eq!(scene.settings.seed, u64::MAX);
     assert_eq!(scene.settings.photons, 2_000_000);
@@ -253,6 +254,7 @@ fn settings_are_written_as_they_are_read() {
     assert_eq!(settings_text(&again.settings), written);
     assert_eq!(again.settings.march, March::Step(0.25));
     assert_eq!(again.settings.exposure, -1.5);
+    assert_eq!(again.settings.search, Search::Radius);
 }
 
 #[test]
