@@ -2,6 +2,10 @@
 """This renderer on the scenes of the peers' bench, against that bench's references.
 
     cargo build --release && benches/peer_vpm.py PEERS [SCENE ...]
+    benches/peer_vpm.py --seeds 10 PEERS [SCENE ...]
+
+The second form renders 8 passes with each of some seeds and compares means of the picture and of
+its 10 x 10 blocks with the references by their scatter: photons of one pass light many pixels.
 
 PEERS is the folder of the peers' bench: scenes.json, volumes/ and refs/. Scenes are rendered at
 200 x 200 on two threads and scored by its metric against its two reference halves. Seconds are
@@ -99,13 +103,42 @@ def relmse(x, r1, r2):
     return float(np.mean((x - r1) * (x - r2) / (r**2 + 0.01 * r.mean() ** 2)))
 
 
+def blocks(x):
+    n = RESOLUTION // 10
+    return x.reshape(10, n, 10, n).mean((1, 3)).ravel()
+
+
+def agreement(name, toml, folder, r1, r2, seeds):
+    """Prints the mean over the reference's, and how far blocks are off in standard errors."""
+    pictures = []
+    for seed in range(1, seeds + 1):
+        out = os.path.join(folder, "a.exr")
+        subprocess.run([BINARY, "render", toml, "--passes", "8", "--seed", str(seed), "--threads", "2",
+                        "--quiet", "-o", out], check=True)
+        pictures.append(picture(out))
+    r = 0.5 * (r1 + r2)
+    ratios = np.array([x.mean() / r.mean() for x in pictures])
+    found, reference = np.array([blocks(x) for x in pictures]), blocks(r)
+    own = np.mean((blocks(r1) - blocks(r2)) ** 2) / 4
+    t = (found.mean(0) - reference) / np.sqrt(found.var(0, ddof=1) / seeds + own)
+    t = t[reference > 1e-3]
+    print("%-9s mean ratio %.4f +- %.4f, of one seed +- %.4f; |t| of %d blocks: worst %.2f, rms %.2f"
+          % (name, ratios.mean(), ratios.std(ddof=1) / seeds**0.5, ratios.std(ddof=1), len(t),
+             np.abs(t).max(), np.sqrt(np.mean(t**2))), flush=True)
+
+
 def main():
+    seeds = 0
+    if sys.argv[1:2] == ["--seeds"] and len(sys.argv) > 3:
+        seeds = int(sys.argv[2])
+        del sys.argv[1:3]
     if len(sys.argv) < 2:
         sys.exit(__doc__)
     peers = os.path.abspath(sys.argv[1])
     with open(os.path.join(peers, "scenes.json")) as file:
         document = json.load(file)
-    print("scene     method  passes/spp  load s  render s    relMSE  mean ratio")
+    if not seeds:
+        print("scene     method  passes/spp  load s  render s    relMSE  mean ratio")
     with tempfile.TemporaryDirectory() as folder:
         for name in sys.argv[2:] or SCENES:
             scene = load_scene(document, name)
@@ -114,6 +147,9 @@ def main():
             with open(toml, "w") as file:
                 file.write(scene_toml(scene, volume, *BEAM.get(name, (100_000, 100))))
             r1, r2 = (np.load(os.path.join(peers, "refs", f"{name}.{i}.npy")) for i in (1, 2))
+            if seeds:
+                agreement(name, toml, folder, r1, r2, seeds)
+                continue
             runs = [("beam", "--passes", n) for n in PASSES] + [("path", "--spp", n) for n in SPP]
             for method, option, count in runs:
                 out, report = os.path.join(folder, "a.exr"), os.path.join(folder, "a.json")
