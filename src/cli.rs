@@ -15,7 +15,8 @@ use vpm_vdb::selftest::FAMILIES;
 
 /// Renders smoke, clouds, fog and fire stored in OpenVDB files by volumetric photon mapping.
 ///
-/// Exit codes: 0 done; 1 a comparison or a self-test failed its bound; 2 bad input.
+/// Exit codes: 0 done; 1 a comparison, a self-test or a target error was missed, or a study was
+/// interrupted; 2 bad input.
 #[derive(Debug, Parser)]
 #[command(name = "vpm-vdb", version, help_expected = true, max_term_width = 100)]
 pub(crate) struct Cli {
@@ -35,6 +36,13 @@ pub(crate) enum Command {
     Info(InfoArgs),
     /// Tell which effects of light a scene calls for, and why, without rendering.
     Plan(PlanArgs),
+    /// Measure what accuracy costs in time, for a scene.
+    ///
+    /// Renders the scene with many settings and seeds against a long path-traced reference;
+    /// writes tables, plots and a page that names the cheapest setting for each error. Finished
+    /// runs stay on disk: the same command goes on where it stopped. Ctrl-C ends after the run in
+    /// hand with what there is.
+    Study(StudyArgs),
     /// Compare a picture with a reference.
     Compare(CompareArgs),
     /// Check the physics on this machine: figures against their bounds, exit code 1 if one fails.
@@ -66,6 +74,10 @@ pub(crate) struct RenderArgs {
     /// Passes of fresh photons; each refines the picture [default: the scene's, or 8].
     #[arg(long, value_name = "N", value_parser = parse_count32)]
     pub(crate) passes: Option<u32>,
+    /// Photons within the radius of a photon: more is smoother and more blurred [default: the
+    /// scene's, or 50].
+    #[arg(long, value_name = "N", value_parser = parse_count32)]
+    pub(crate) neighbours: Option<u32>,
     /// Camera rays of a pixel, in each pass (beam, point) or in all (path) [default: the scene's,
     /// or 1].
     #[arg(long, value_name = "N", value_parser = parse_count32)]
@@ -75,6 +87,14 @@ pub(crate) struct RenderArgs {
     /// Without --passes (path: without --spp) there are as many passes as fit, at least one.
     #[arg(long, value_name = "TIME", value_parser = parse_duration)]
     pub(crate) time: Option<Duration>,
+    /// Render until the error, noise and bias together, is below this share of the light: 2%.
+    ///
+    /// The error is that of `compare`, the root of relMSE; it is estimated while rendering, and
+    /// the render ends when it lies below with 95 % confidence. Without --passes (path: without
+    /// --spp) there are as many passes as it takes; exit code 1 if --passes, --spp or --time end
+    /// it before.
+    #[arg(long, value_name = "PERCENT", value_parser = parse_percent)]
+    pub(crate) target_error: Option<f64>,
     /// Width and height in pixels [default: the scene's].
     #[arg(long, value_name = "WxH", value_parser = parse_resolution)]
     pub(crate) resolution: Option<[u32; 2]>,
@@ -138,6 +158,40 @@ pub(crate) struct PlanArgs {
     pub(crate) json: bool,
 }
 
+/// Options of `study`.
+#[derive(Debug, Args)]
+pub(crate) struct StudyArgs {
+    /// Scene file (.toml), or volume (.vdb).
+    #[arg(value_name = "SCENE.toml | FILE.vdb")]
+    pub(crate) scene: PathBuf,
+    /// Folder for runs and results; made if need be [default: scene name + _study].
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) output: Option<PathBuf>,
+    /// Three minutes: fewer pixels, photons, passes, values and seeds.
+    #[arg(long)]
+    pub(crate) quick: bool,
+    /// Reference picture with channels R, G, B and, for its noise, stderr.R, .G, .B; its size is
+    /// the study's [default: path tracing].
+    #[arg(long, value_name = "REF.exr")]
+    pub(crate) reference: Option<PathBuf>,
+    /// Time for the whole study: 10m, 2h [default: 30m; with --quick 150s].
+    #[arg(long, value_name = "TIME", value_parser = parse_duration)]
+    pub(crate) budget: Option<Duration>,
+    /// Width and height of the study's pictures [default: the scene's shape with some 16000
+    /// pixels; with --quick 5000].
+    #[arg(long, value_name = "WxH", value_parser = parse_resolution)]
+    pub(crate) resolution: Option<[u32; 2]>,
+    /// Begin anew: remove the runs of another study from the folder.
+    #[arg(long)]
+    pub(crate) anew: bool,
+    /// Threads to use [default: one for each core].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
+    pub(crate) threads: Option<u32>,
+    /// Print errors only.
+    #[arg(long)]
+    pub(crate) quiet: bool,
+}
+
 /// Options of `compare`.
 #[derive(Debug, Args)]
 pub(crate) struct CompareArgs {
@@ -155,7 +209,7 @@ pub(crate) struct CompareArgs {
     pub(crate) max_relmse: Option<f64>,
     /// Write the relative difference as a picture: red where A is brighter, blue where darker,
     /// full colour at one half.
-    #[arg(long, value_name = "OUT.png")]
+    #[arg(long, visible_alias = "heat-map", value_name = "OUT.png")]
     pub(crate) heatmap: Option<PathBuf>,
 }
 
@@ -268,6 +322,18 @@ fn parse_duration(text: &str) -> Result<Duration, String> {
     }
 }
 
+/// `2%`, as a share.
+fn parse_percent(text: &str) -> Result<f64, String> {
+    let number = text
+        .trim()
+        .strip_suffix('%')
+        .map(|n| n.trim().parse::<f64>());
+    match number {
+        Some(Ok(v)) if v > 0.0 && v <= 1000.0 => Ok(v / 100.0),
+        _ => Err("it takes per cent, as in 2% or 0.5%".to_owned()),
+    }
+}
+
 /// A bound: 0 or more, finite.
 fn parse_bound(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
@@ -309,6 +375,15 @@ mod tests {
             "nan",
         ] {
             assert!(parse_duration(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn per_cents() {
+        assert_eq!(parse_percent("2%"), Ok(0.02));
+        assert_eq!(parse_percent(" 0.5 % "), Ok(0.005));
+        for bad in ["2", "0%", "-1%", "nan%", "%", "inf%", "x%"] {
+            assert!(parse_percent(bad).is_err(), "{bad}");
         }
     }
 

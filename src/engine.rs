@@ -8,16 +8,18 @@ use vpm_vdb::effects::EffectPlan;
 use vpm_vdb::info::{self, InfoOptions};
 use vpm_vdb::progress::Silent;
 use vpm_vdb::render::checkpoint::Checkpoint;
-use vpm_vdb::render::{self, Exec, Forecast, Rendered};
+use vpm_vdb::render::{self, Exec, Forecast, Rendered, Watch};
 use vpm_vdb::scene::{Scene, bare};
 
-/// Renders one frame, going on from a checkpoint and keeping its state in it.
+/// Renders one frame, going on from a checkpoint and keeping its state in it; `watch` is told
+/// of each pass.
 pub(crate) fn run_render(
     scene: &Scene,
     exec: &Exec<'_>,
     keep: &mut Checkpoint,
+    watch: &mut dyn Watch,
 ) -> anyhow::Result<Rendered> {
-    Ok(render::render_kept(scene, exec, Some(keep))?)
+    Ok(render::render_told(scene, exec, Some(keep), watch)?)
 }
 
 /// Which effects the scene calls for, and what the stages should cost.

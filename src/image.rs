@@ -241,7 +241,8 @@ pub fn write_rgb8(file: &Path, width: u32, height: u32, bytes: &[u8]) -> Result<
     })
 }
 
-fn encode_png(
+/// PNG of rows of red, green, blue bytes in sRGB.
+pub(crate) fn encode_png(
     out: impl Write,
     width: u32,
     height: u32,

@@ -27,6 +27,7 @@ pub mod scene;
 pub mod selftest;
 pub mod spectrum;
 pub mod stats;
+pub mod study;
 pub mod surface;
 pub mod tone;
 pub mod tracking;

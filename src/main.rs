@@ -3,6 +3,7 @@
 mod cli;
 mod engine;
 mod run;
+mod run_study;
 
 use std::process::ExitCode;
 

@@ -15,6 +15,8 @@ pub trait Progress: Sync {
     fn stage(&self, name: &str, total: Option<u64>);
     /// `n` more units of the stage are done.
     fn advance(&self, n: u64);
+    /// How far a long task of many stages is: its share done, and what to say of it.
+    fn whole(&self, _name: &str, _share: f64, _text: &str) {}
     /// The stage is over.
     fn finish(&self);
     /// A line for people, clear of any bar.
@@ -51,6 +53,7 @@ impl Terminal {
 
 /// indicatif's templates; they are tested, so the fallback is never seen.
 const KNOWN: &str = "{prefix:>12} {wide_bar:.cyan/blue} {percent:>3}%  {per_sec}  {eta} to go";
+const WHOLE: &str = "{prefix:>12} {wide_bar:.cyan/blue} {percent:>3}%  {msg}  {elapsed}";
 const UNKNOWN: &str = "{prefix:>12} {spinner} {human_pos}  {per_sec}  {elapsed}";
 
 impl Progress for Terminal {
@@ -75,6 +78,29 @@ impl Progress for Terminal {
         self.with_bar(|slot| {
             if let Some(bar) = slot {
                 bar.inc(n);
+            }
+        });
+    }
+
+    fn whole(&self, name: &str, share: f64, text: &str) {
+        /// Steps of the bar.
+        const STEPS: f64 = 1000.0;
+        self.with_bar(|slot| {
+            let same = slot.as_ref().is_some_and(|bar| bar.prefix() == name);
+            if !same {
+                let bar = ProgressBar::new(STEPS as u64);
+                if let Ok(style) = ProgressStyle::with_template(WHOLE) {
+                    bar.set_style(style);
+                }
+                bar.set_prefix(name.to_owned());
+                bar.enable_steady_tick(Duration::from_millis(200));
+                if let Some(old) = slot.replace(bar) {
+                    old.finish_and_clear();
+                }
+            }
+            if let Some(bar) = slot {
+                bar.set_position((share.clamp(0.0, 1.0) * STEPS) as u64);
+                bar.set_message(text.to_owned());
             }
         });
     }
@@ -110,7 +136,7 @@ mod tests {
 
     #[test]
     fn templates_parse() {
-        for template in [KNOWN, UNKNOWN] {
+        for template in [KNOWN, WHOLE, UNKNOWN] {
             ProgressStyle::with_template(template).unwrap();
         }
     }

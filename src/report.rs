@@ -6,6 +6,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::effects::Dropped;
+use crate::render::error::ErrorEstimate;
 
 /// One effect of light, and whether this scene calls for it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -146,6 +147,8 @@ pub struct Report {
     pub counters: Counters,
     /// The picture in figures.
     pub image: ImageFigures,
+    /// Noise and bias together; null unless `--target-error` asked for it.
+    pub error: Option<ErrorEstimate>,
 }
 
 /// Most memory this process has held at once: VmHWM of Linux, 0 elsewhere. \[bytes\]
@@ -187,8 +190,8 @@ mod tests {
         };
         assert_eq!(
             keys(&json),
-            "counters dropped effects image memory_bytes method passes peak_rss_bytes photons resolution scene seed \
-             threads time_s"
+            "counters dropped effects error image memory_bytes method passes peak_rss_bytes photons \
+             resolution scene seed threads time_s"
         );
         assert_eq!(
             keys(&json["time_s"]),

@@ -5,6 +5,7 @@
 
 use std::ffi::OsStr;
 use std::io::{self, Write};
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -15,7 +16,8 @@ use vpm_vdb::atomic::{self, check_writable};
 use vpm_vdb::compare::{Figures, compare, heat_map};
 use vpm_vdb::image::{self, Metadata};
 use vpm_vdb::render::checkpoint::Checkpoint;
-use vpm_vdb::render::{Exec, Rendered};
+use vpm_vdb::render::error::ErrorWatch;
+use vpm_vdb::render::{Exec, PassDone, Rendered, Watch};
 use vpm_vdb::report::PhotonCounts;
 use vpm_vdb::scene::file::settings_text;
 use vpm_vdb::scene::{Method, Scene};
@@ -23,16 +25,16 @@ use vpm_vdb::selftest::{Check, Effort, FAMILIES, run_family};
 use vpm_vdb::{frames, progress, report};
 
 use crate::cli::{Cli, Command, CompareArgs, InfoArgs, PlanArgs, RenderArgs, SelftestArgs};
-use crate::engine;
+use crate::{engine, run_study};
 
 /// Passes of a render that is to end for another reason.
 const MOST: u32 = 1_000_000;
 
 /// A comparison or a check failed its bound.
-const FAILED: u8 = 1;
+pub(crate) const FAILED: u8 = 1;
 
 /// Set by Ctrl-C: the renderer ends after the pass in hand.
-static STOP: AtomicBool = AtomicBool::new(false);
+pub(crate) static STOP: AtomicBool = AtomicBool::new(false);
 
 /// Runs the command.
 pub(crate) fn run(cli: &Cli) -> anyhow::Result<ExitCode> {
@@ -40,6 +42,7 @@ pub(crate) fn run(cli: &Cli) -> anyhow::Result<ExitCode> {
         Command::Render(args) => render(args),
         Command::Info(args) => info(args),
         Command::Plan(args) => plan(args),
+        Command::Study(args) => run_study::study(args),
         Command::Compare(args) => run_compare(args),
         Command::Selftest(args) => selftest(args),
     }
@@ -51,7 +54,7 @@ pub(crate) fn is_broken_pipe(e: &anyhow::Error) -> bool {
     e.chain().any(|e| e.downcast_ref().is_some_and(io))
 }
 
-fn print(line: &str) -> anyhow::Result<()> {
+pub(crate) fn print(line: &str) -> anyhow::Result<()> {
     writeln!(io::stdout(), "{line}").context("cannot write to stdout")
 }
 
@@ -61,7 +64,7 @@ fn has_extension(file: &Path, extension: &str) -> bool {
 }
 
 /// A scene file, or a scene around a lone volume; the volume may be a sequence.
-fn load(file: &Path, first_frame: Option<u32>) -> anyhow::Result<Scene> {
+pub(crate) fn load(file: &Path, first_frame: Option<u32>) -> anyhow::Result<Scene> {
     if !has_extension(file, "vdb") {
         return Ok(Scene::load(file)?);
     }
@@ -89,10 +92,11 @@ fn apply(args: &RenderArgs, scene: &mut Scene) -> anyhow::Result<()> {
     s.method = args.method.unwrap_or(s.method);
     s.photons = args.photons.unwrap_or(s.photons);
     s.passes = args.passes.unwrap_or(s.passes);
+    s.neighbours = args.neighbours.unwrap_or(s.neighbours);
     s.spp = args.spp.unwrap_or(s.spp);
     s.seed = args.seed.unwrap_or(s.seed);
-    // A time without a number of passes (of paths) is to be used up.
-    if args.time.is_some() {
+    // A time without a number of passes (of paths) is to be used up, an error to be reached.
+    if args.time.is_some() || args.target_error.is_some() {
         match s.method {
             Method::Path => s.spp = args.spp.unwrap_or(MOST),
             Method::Beam | Method::Point => s.passes = args.passes.unwrap_or(MOST),
@@ -224,12 +228,23 @@ fn render(args: &RenderArgs) -> anyhow::Result<ExitCode> {
         warn: &warn,
         stop: &STOP,
     };
+    let mut missed = false;
     for (job, checkpoint) in jobs.iter().zip(checkpoints) {
         let mut checkpoint = match checkpoint {
             Some(checkpoint) => checkpoint,
             None => Checkpoint::begin(&job.exr.with_extension("checkpoint"), &job.scene)?,
         };
-        let mut rendered = engine::run_render(&job.scene, &exec, &mut checkpoint)?;
+        let mut errors = ErrorWatch::new(args.target_error, job.scene.settings.method);
+        let mut unwatched = |_: &PassDone<'_>| ControlFlow::Continue(());
+        let watch: &mut dyn Watch = match args.target_error {
+            Some(_) => &mut errors,
+            None => &mut unwatched,
+        };
+        let mut rendered = engine::run_render(&job.scene, &exec, &mut checkpoint, watch)?;
+        if args.target_error.is_some() {
+            rendered.report.error = errors.estimate;
+            missed |= !errors.estimate.is_some_and(|e| e.reached());
+        }
         rendered.report.time_s.load += loaded;
         rendered.report.time_s.total += loaded;
         write(job, &mut rendered)?;
@@ -248,11 +263,14 @@ fn render(args: &RenderArgs) -> anyhow::Result<ExitCode> {
             break;
         }
     }
-    Ok(ExitCode::SUCCESS)
+    if missed {
+        eprintln!("error: ended before the error was surely below the target");
+    }
+    Ok(ExitCode::from(if missed { FAILED } else { 0 }))
 }
 
 /// The first Ctrl-C asks the renderer to end after the pass in hand, the second one ends it all.
-fn catch_ctrl_c(quiet: bool) -> anyhow::Result<()> {
+pub(crate) fn catch_ctrl_c(quiet: bool) -> anyhow::Result<()> {
     /// What shells expect of a program that Ctrl-C ended.
     const INTERRUPTED: i32 = 130;
     ctrlc::set_handler(move || {
@@ -299,9 +317,17 @@ fn tell(job: &Job, rendered: &Rendered) -> anyhow::Result<()> {
         stopped_early,
         ..
     } = rendered;
-    let error = match film.mean_relative_standard_error() {
-        Some(e) => format!("error {:.2} %", 100.0 * e),
-        None => "error unknown".to_owned(),
+    let error = match (&report.error, film.mean_relative_standard_error()) {
+        (Some(e), _) => format!(
+            "error {:.2} % (noise {:.2} %, bias {:.2} %), below {:.2} % at {:.0} % confidence",
+            100.0 * e.estimate,
+            100.0 * e.noise,
+            100.0 * e.bias,
+            100.0 * e.upper,
+            100.0 * e.confidence
+        ),
+        (None, Some(e)) => format!("error {:.2} %", 100.0 * e),
+        (None, None) => "error unknown".to_owned(),
     };
     let passes = match film.passes() {
         1 => "1 pass".to_owned(),

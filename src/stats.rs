@@ -84,9 +84,15 @@ pub fn z_bound(n: usize) -> f64 {
 /// Largest |t| for `freedom` degrees of freedom that one of `n` comparisons may show.
 #[must_use]
 pub fn t_bound(n: usize, freedom: f64) -> f64 {
+    t_two_sided(sidak(n), freedom)
+}
+
+/// What |t| of Student's distribution exceeds with probability `p`.
+#[must_use]
+pub fn t_two_sided(p: f64, freedom: f64) -> f64 {
     inverse(
         |t| beta_i(0.5 * freedom, 0.5, freedom / (freedom + t * t)),
-        sidak(n),
+        p,
     )
 }
 

@@ -8,11 +8,15 @@
 
 mod camera;
 pub mod checkpoint;
+pub mod error;
 mod forecast;
 mod path;
 mod photons;
 mod pilot;
 
+pub(crate) use path::PATHS_PER_PASS;
+
+use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -22,7 +26,7 @@ use thiserror::Error;
 use crate::effects::EffectPlan;
 use crate::estimate::direct::DirectLights;
 use crate::estimate::tiles::TileGrid;
-use crate::film::Film;
+use crate::film::{Film, Sample};
 use crate::grid::load::load_volumes;
 use crate::photon::{Energy, Heading, Packed};
 use crate::progress::Progress;
@@ -115,13 +119,26 @@ pub fn render_kept(
     exec: &Exec<'_>,
     keep: Option<&mut Checkpoint>,
 ) -> Result<Rendered, RenderError> {
+    render_told(scene, exec, keep, &mut unwatched)
+}
+
+/// [`render_kept`] that tells `watch` of each pass.
+///
+/// # Errors
+/// [`RenderError`]: a volume that cannot be read, or what this version does not render.
+pub fn render_told(
+    scene: &Scene,
+    exec: &Exec<'_>,
+    keep: Option<&mut Checkpoint>,
+    watch: &mut dyn Watch,
+) -> Result<Rendered, RenderError> {
     pool(exec)?.install(|| {
         let start = Instant::now();
         check_supported(scene)?;
         exec.progress.stage("load", None);
         let volumes = load_volumes(scene, exec.warn)?;
         let load = start.elapsed().as_secs_f64();
-        let mut rendered = planned(scene, volumes, exec, start, keep)?;
+        let mut rendered = planned(scene, volumes, exec, start, Beside { keep, watch })?;
         rendered.report.time_s.load = load;
         Ok(rendered)
     })
@@ -139,8 +156,85 @@ pub fn render_loaded(
 ) -> Result<Rendered, RenderError> {
     pool(exec)?.install(|| {
         check_supported(scene)?;
-        planned(scene, volumes, exec, Instant::now(), None)
+        let beside = Beside {
+            keep: None,
+            watch: &mut unwatched,
+        };
+        planned(scene, volumes, exec, Instant::now(), beside)
     })
+}
+
+/// A pass that is done, as [`render_watched`] tells of it.
+#[derive(Debug)]
+pub struct PassDone<'a> {
+    /// Its number, from 0.
+    pub pass: u32,
+    /// Dimension of the kernel whose schedule the radii follow.
+    pub dimension: u32,
+    /// All passes so far.
+    pub film: &'a Film,
+    /// Pixels of this pass, row-major.
+    pub samples: &'a [Sample],
+    /// The same from other radii, where [`Watch::second_radius`] asked for it.
+    pub second: Option<&'a [Sample]>,
+    /// Since the render began, loading excluded. \[s\]
+    pub seconds: f64,
+    /// By stage, all passes so far.
+    pub times: Times,
+}
+
+/// Hears of each pass.
+pub trait Watch: Send {
+    /// Factor on all radii with which the photons of `pass`, from 0, are to be gathered a second
+    /// time along the same camera rays, beside the picture; not at all without it.
+    fn second_radius(&self, _pass: u32) -> Option<f32> {
+        None
+    }
+
+    /// Called after each pass; `Break` ends the render.
+    fn pass_done(&mut self, done: &PassDone<'_>) -> ControlFlow<()>;
+}
+
+impl<F: FnMut(&PassDone<'_>) -> ControlFlow<()> + Send> Watch for F {
+    fn pass_done(&mut self, done: &PassDone<'_>) -> ControlFlow<()> {
+        self(done)
+    }
+}
+
+/// What a pass gathers.
+struct Gathered {
+    samples: Vec<Sample>,
+    second: Option<Vec<Sample>>,
+}
+
+/// [`render_loaded`] that tells `watch` of each pass.
+///
+/// # Errors
+/// [`RenderError`]: what this version does not render.
+pub fn render_watched(
+    scene: &Scene,
+    volumes: Vec<LoadedVolume>,
+    exec: &Exec<'_>,
+    watch: &mut dyn Watch,
+) -> Result<Rendered, RenderError> {
+    pool(exec)?.install(|| {
+        check_supported(scene)?;
+        let beside = Beside { keep: None, watch };
+        planned(scene, volumes, exec, Instant::now(), beside)
+    })
+}
+
+/// What goes on beside the passes.
+struct Beside<'a> {
+    /// Keeps the state.
+    keep: Option<&'a mut Checkpoint>,
+    /// Hears of each pass.
+    watch: &'a mut dyn Watch,
+}
+
+/// Watches nothing.
+fn unwatched(_: &PassDone<'_>) -> ControlFlow<()> {
+    ControlFlow::Continue(())
 }
 
 /// The threads of a render.
@@ -161,10 +255,10 @@ fn planned(
     volumes: Vec<LoadedVolume>,
     exec: &Exec<'_>,
     start: Instant,
-    keep: Option<&mut Checkpoint>,
+    beside: Beside<'_>,
 ) -> Result<Rendered, RenderError> {
     let plan = EffectPlan::new(scene, &volumes);
-    in_form(scene, volumes, plan, exec, (start, keep))
+    in_form(scene, volumes, plan, exec, (start, beside))
 }
 
 /// Renders a scene whose volumes are in memory in the forms of a plan that may be more general than
@@ -179,7 +273,11 @@ pub fn render_as(
     exec: &Exec<'_>,
     start: Instant,
 ) -> Result<Rendered, RenderError> {
-    in_form(scene, volumes, plan, exec, (start, None))
+    let beside = Beside {
+        keep: None,
+        watch: &mut unwatched,
+    };
+    in_form(scene, volumes, plan, exec, (start, beside))
 }
 
 /// Renders in the forms of a plan.
@@ -188,23 +286,23 @@ fn in_form(
     volumes: Vec<LoadedVolume>,
     plan: EffectPlan,
     exec: &Exec<'_>,
-    (start, keep): (Instant, Option<&mut Checkpoint>),
+    (start, beside): (Instant, Beside<'_>),
 ) -> Result<Rendered, RenderError> {
     let (scene, volumes) = plan.kept.take(scene, volumes, plan.emission);
     let scene = &scene;
     let clock = Instant::now();
     let mut rendered = match (plan.chromatic, plan.headings) {
         (false, false) => in_world(scene, volumes, &plan, exec, |job| {
-            run::<f32, ()>(job, clock, start, keep)
+            run::<f32, ()>(job, clock, start, beside)
         }),
         (false, true) => in_world(scene, volumes, &plan, exec, |job| {
-            run::<f32, Packed>(job, clock, start, keep)
+            run::<f32, Packed>(job, clock, start, beside)
         }),
         (true, false) => in_world(scene, volumes, &plan, exec, |job| {
-            run::<Vec3, ()>(job, clock, start, keep)
+            run::<Vec3, ()>(job, clock, start, beside)
         }),
         (true, true) => in_world(scene, volumes, &plan, exec, |job| {
-            run::<Vec3, Packed>(job, clock, start, keep)
+            run::<Vec3, Packed>(job, clock, start, beside)
         }),
     }?;
     exec.progress.finish();
@@ -332,7 +430,7 @@ struct Tally {
 /// Passes of a render in all.
 fn pass_count(settings: &Settings) -> u32 {
     match settings.method {
-        Method::Path => settings.spp.div_ceil(path::PATHS_PER_PASS),
+        Method::Path => settings.spp.div_ceil(PATHS_PER_PASS),
         Method::Beam | Method::Point => settings.passes,
     }
 }
@@ -342,8 +440,9 @@ fn run<S: Spectrum, H: Heading>(
     job: &Job<'_, S>,
     build: Instant,
     start: Instant,
-    mut keep: Option<&mut Checkpoint>,
+    beside: Beside<'_>,
 ) -> Rendered {
+    let Beside { mut keep, watch } = beside;
     let (scene, exec) = (job.scene, job.exec);
     let settings = &scene.settings;
     let [width, height] = scene.camera.resolution;
@@ -399,12 +498,30 @@ fn run<S: Spectrum, H: Heading>(
                 last_save = Instant::now();
             }
         }
-        let samples = match (&radii, settings.method) {
-            (_, Method::Path) => path::pass(job, pass, &mut tally),
-            (radii, _) => photons::pass::<S, H>(job, radii.as_ref(), pass, &mut tally),
+        let gathered = match (&radii, settings.method) {
+            (_, Method::Path) => Gathered {
+                samples: path::pass(job, pass, &mut tally),
+                second: None,
+            },
+            (radii, _) => {
+                let second = watch.second_radius(pass);
+                photons::pass::<S, H>(job, radii.as_ref(), pass, second, &mut tally)
+            }
         };
-        film.add_pass(&samples);
+        film.add_pass(&gathered.samples);
         pass += 1;
+        let done = PassDone {
+            pass: pass - 1,
+            dimension: photons::blur_dimension(settings.method),
+            film: &film,
+            samples: &gathered.samples,
+            second: gathered.second.as_deref(),
+            seconds: start.elapsed().as_secs_f64(),
+            times: tally.times,
+        };
+        if watch.pass_done(&done).is_break() {
+            break false;
+        }
     };
 
     let counters = tally.counters;

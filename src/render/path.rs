@@ -13,7 +13,7 @@ use crate::spectrum::Spectrum;
 use crate::tracking::{Counters, Sampler};
 
 /// Paths through a pixel in one pass of the path tracer.
-pub(super) const PATHS_PER_PASS: u32 = 4;
+pub(crate) const PATHS_PER_PASS: u32 = 4;
 
 /// One pass of the path tracer.
 pub(super) fn pass<S: Spectrum>(job: &Job<'_, S>, pass: u32, tally: &mut Tally) -> Vec<Sample> {

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::camera::{Sum, camera_ray};
 use super::pilot::Radii;
-use super::{Job, Tally};
+use super::{Gathered, Job, Tally};
 use crate::estimate::chain::{Chain, Link, Scratch};
 use crate::estimate::gather::MediaPhotons;
 use crate::estimate::point::PointMap;
@@ -21,13 +21,15 @@ use crate::scene::Method;
 use crate::spectrum::Spectrum;
 use crate::tracking::{Counters, Sampler};
 
-/// One pass of the beam estimate or of the point estimate.
+/// One pass of the beam estimate or of the point estimate; with `second`, its photons are gathered
+/// once more with all radii times that, along the same camera rays.
 pub(super) fn pass<S: Spectrum, H: Heading>(
     job: &Job<'_, S>,
     radii: Option<&Radii<S>>,
     pass: u32,
+    second: Option<f32>,
     tally: &mut Tally,
-) -> Vec<Sample> {
+) -> Gathered {
     let settings = &job.scene.settings;
     let mut traced = None;
     if let Some(radii) = radii {
@@ -43,9 +45,25 @@ pub(super) fn pass<S: Spectrum, H: Heading>(
         traced = Some((photons, radii));
         tally.times.photons += clock.elapsed().as_secs_f64();
     }
-    let clock = Instant::now();
+    let again = second.map(|factor| (factor, traced.clone()));
     let scale = radius_scale(pass, blur_dimension(settings.method));
-    let gather = Gather::new(job, traced, [scale; 2]);
+    Gathered {
+        samples: gathered(job, traced, [scale; 2], pass, tally),
+        second: again
+            .map(|(factor, traced)| gathered(job, traced, [scale * factor, scale], pass, tally)),
+    }
+}
+
+/// Gathers the photons of a pass with radii and steps times `scales`.
+fn gathered<S: Spectrum, H: Heading>(
+    job: &Job<'_, S>,
+    traced: Option<(Photons<S, H>, &Radii<S>)>,
+    scales: [f32; 2],
+    pass: u32,
+    tally: &mut Tally,
+) -> Vec<Sample> {
+    let clock = Instant::now();
+    let gather = Gather::new(job, traced, scales);
     tally.memory.map = tally.memory.map.max(gather.memory_bytes() as u64);
     tally.times.map += clock.elapsed().as_secs_f64();
 
