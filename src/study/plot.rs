@@ -312,7 +312,7 @@ fn convergence(study: &Study) -> Result<Option<Plot>, StudyError> {
         "photons emitted",
         "relMSE [1]",
         &lines,
-        SeriesLabelPosition::UpperRight,
+        SeriesLabelPosition::LowerLeft,
     )?;
     Ok(Some(Plot {
         name: "convergence",
