@@ -47,7 +47,7 @@ fn main() {
         for ray in &rays {
             let mut depth = 0.0;
             walk(&grid, &majorants, ray, 0.0, f32::INFINITY, |piece| {
-                depth += f64::from(piece.integral());
+                depth += f64::from(piece.integral);
                 middles.push(ray.at(0.5 * (piece.t_min + piece.t_max)));
                 true
             });
@@ -65,7 +65,7 @@ fn main() {
                 let mut depth = 0.0;
                 for ray in &rays {
                     walk(&grid, &majorants, ray, 0.0, f32::INFINITY, |piece| {
-                        depth += piece.integral();
+                        depth += piece.integral;
                         true
                     });
                 }

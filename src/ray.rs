@@ -103,13 +103,22 @@ impl Bounds {
     #[inline]
     #[must_use]
     pub fn clip(&self, ray: &Ray, t0: f32, t1: f32) -> Option<(f32, f32)> {
-        let inverse = reciprocal(ray.direction);
-        let (mut enter, mut exit) = (t0, t1);
+        let (enter, exit) = self.crossing(ray.origin, reciprocal(ray.direction));
+        let (enter, exit) = (enter.max(t0), exit.min(t1));
+        (enter < exit).then_some((enter, exit))
+    }
+
+    /// Where a line enters and leaves, given one over its direction; the other way round if it
+    /// misses.
+    #[inline]
+    #[must_use]
+    pub fn crossing(&self, origin: Vec3, inverse: Vec3) -> (f32, f32) {
+        let (mut enter, mut exit) = (f32::NEG_INFINITY, f32::INFINITY);
         for axis in 0..3 {
-            let o = ray.origin[axis];
+            let o = origin[axis];
             if inverse[axis].is_infinite() {
                 if o < self.min[axis] || o > self.max[axis] {
-                    return None;
+                    return (f32::INFINITY, f32::NEG_INFINITY);
                 }
                 continue;
             }
@@ -118,6 +127,6 @@ impl Bounds {
             enter = enter.max(a.min(b));
             exit = exit.min(a.max(b));
         }
-        (enter < exit).then_some((enter, exit))
+        (enter, exit)
     }
 }

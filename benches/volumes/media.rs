@@ -30,7 +30,7 @@ pub(crate) fn extinction(grid: &Grid) -> f32 {
     let mut depth = 0.0;
     let ray = Ray { origin, direction };
     walk(grid, &majorants, &ray, 0.0, f32::INFINITY, |piece| {
-        depth += piece.integral();
+        depth += piece.integral;
         true
     });
     THICKNESS / depth

@@ -7,7 +7,8 @@
 //! The bounds are those of the *interpolated* field: a brick's 9^3 values are all that its cells
 //! can interpolate between, so their extremes bound it exactly. Cells are cubes of 8, 16, 32 ...
 //! voxels (merge.rs). Every brick's entry names the merged cell it is in, so a step is one fetch
-//! and no descent, and empty space is crossed in the largest cubes that fit.
+//! and no descent, and empty space is crossed in the largest cubes that fit. A brick by itself
+//! is empty outside the box of its values (place.rs): a ray meets its bounds only inside.
 //!
 //! Segments tile [t0, t1] without gap or overlap: each begins at the very t where the last one
 //! ended. The walk keeps the integer coordinates of its brick and moves at least one of them at
@@ -16,6 +17,7 @@
 
 use glam::{IVec3, UVec3, Vec3};
 
+use super::place::Place;
 use super::{BRICK, Grid, TABLE, TABLE_BRICKS, in_table, top_cell, top_index};
 use crate::ray::{Bounds, Ray, reciprocal};
 
@@ -29,8 +31,53 @@ pub(super) struct Cell {
     pub(super) majorant: f32,
     /// Smallest value.
     pub(super) minorant: f32,
-    /// log2 of the cube's edge in bricks, or a table.
+    /// log2 of the cube's edge in bricks and the box of its values, or a table.
     pub(super) link: u32,
+}
+
+/// Bits of a link for the level.
+const LEVEL: u32 = 0xf;
+/// Marks the link of a brick of which only a box is not empty; the box follows the level.
+const BOXED: u32 = 1 << 30;
+
+/// What a box is widened by at least: twice what a point of a ray can be off by at the farthest
+/// corner of the largest grid. Less: a ray that creeps along a face is put outside by rounding;
+/// more: it looks up what is 0. \[voxels\]
+const MARGIN: f32 = 1.0 / 64.0;
+/// The same for each voxel between the corner of the grid and the start of the ray.
+const MARGIN_PER_VOXEL: f32 = 4.0 * f32::EPSILON;
+
+impl Cell {
+    /// log2 of the cube's edge in bricks.
+    #[inline]
+    pub(super) fn level(self) -> u32 {
+        self.link & LEVEL
+    }
+
+    /// The link of a brick that is empty outside the cells of a place's box.
+    pub(super) fn brick_link(place: Place) -> u32 {
+        let (low, cells) = (place.low(), place.size() - IVec3::ONE);
+        if cells == IVec3::splat(BRICK) {
+            return 0;
+        }
+        let pack = |v: IVec3| (v.x << 8 | v.y << 4 | v.z) as u32;
+        BOXED | pack(low) << 4 | pack(cells) << 16
+    }
+
+    /// The box of a boxed brick with its corner at `corner`, wider by a margin.
+    #[inline]
+    fn filled(self, corner: IVec3, margin: f32) -> Option<Bounds> {
+        if self.link & BOXED == 0 {
+            return None;
+        }
+        let field = |shift: u32| (self.link >> shift & 0xf) as i32;
+        let at = |shift| IVec3::new(field(shift + 8), field(shift + 4), field(shift));
+        let (low, high) = (at(4), at(4) + at(16));
+        Some(Bounds {
+            min: (corner + low).as_vec3() - margin,
+            max: (corner + high).as_vec3() + margin,
+        })
+    }
 }
 
 /// Bounds of a [`Grid`], merged for a given extinction.
@@ -94,7 +141,7 @@ impl MajorantGrid {
     pub fn visit_cells(&self, mut visit: impl FnMut(Vec3, Vec3, f32)) {
         let corner = |brick: IVec3| (brick * BRICK).as_vec3();
         let mut one = |brick: IVec3, cell: Cell| {
-            let size = 1 << cell.link;
+            let size = 1 << cell.level();
             // A merged cell is named by all of its bricks; its lowest stands for it.
             if cell.majorant > 0.0 && brick & IVec3::splat(size - 1) == IVec3::ZERO {
                 visit(corner(brick), corner(brick + size), cell.majorant);
@@ -140,6 +187,7 @@ impl MajorantGrid {
             origin: ray.origin,
             direction: ray.direction,
             inverse,
+            margin: MARGIN.max(ray.origin.abs().max_element() * MARGIN_PER_VOXEL),
             t,
             t_end,
             brick: start
@@ -157,6 +205,8 @@ pub struct Segments<'a> {
     origin: Vec3,
     direction: Vec3,
     inverse: Vec3,
+    /// What boxes are widened by. \[voxels\]
+    margin: f32,
     t: f32,
     t_end: f32,
     /// Brick that the walk is in.
@@ -172,7 +222,7 @@ impl Iterator for Segments<'_> {
             return None;
         }
         let cell = self.grid.cell(self.brick)?;
-        let size = 1i32 << cell.link;
+        let size = 1i32 << cell.level();
         let low = self.brick & IVec3::splat(-size);
         let high = low + IVec3::splat(size);
         // The face by which the ray leaves the cell.
@@ -193,12 +243,30 @@ impl Iterator for Segments<'_> {
                 axis = a;
             }
         }
-        let segment = MajorantSegment {
+        let mut segment = MajorantSegment {
             t_min: self.t,
             t_max: exit.clamp(self.t, self.t_end),
             majorant: cell.majorant,
             minorant: cell.minorant,
         };
+        if let Some(filled) = cell.filled(low * BRICK, self.margin) {
+            let (enter, leave) = filled.crossing(self.origin, self.inverse);
+            if enter < leave && self.t < enter && enter < segment.t_max {
+                segment.t_max = enter;
+            }
+            if self.t >= enter && self.t < leave {
+                if leave < segment.t_max {
+                    segment.t_max = leave;
+                }
+            } else {
+                (segment.minorant, segment.majorant) = (0.0, 0.0);
+            }
+            if segment.t_max < exit {
+                // On in the same brick.
+                self.t = segment.t_max;
+                return Some(segment);
+            }
+        }
         self.t = segment.t_max;
         if axis < 3 {
             // Inside the cell on the other axes, beyond it on this one.

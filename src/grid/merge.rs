@@ -172,7 +172,7 @@ fn brick_cells(grid: &Grid, table: &[Place]) -> Vec<Cell> {
             Cell {
                 majorant,
                 minorant,
-                link: 0,
+                link: Cell::brick_link(place),
             }
         })
         .collect()
@@ -192,7 +192,7 @@ fn merge_table(grid: &Grid, table: &[Place], weight: f32) -> (Cell, Vec<Cell>) {
         }
     }
     let whole = cells[0];
-    if whole.link == 4 {
+    if whole.level() == 4 {
         (whole, Vec::new())
     } else {
         (whole, cells)
@@ -209,7 +209,7 @@ fn merge_eight(cells: &mut [Cell], at: [usize; 3], half: usize, level: u32, weig
             at[1] + (i >> 1 & 1) * half,
             at[2] + (i >> 2) * half,
         )];
-        if cell.link != level {
+        if cell.level() != level {
             return;
         }
         bounds = [bounds[0].min(cell.minorant), bounds[1].max(cell.majorant)];

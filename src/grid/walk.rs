@@ -12,12 +12,12 @@
 //!
 //! Faces and places inside cells are computed in f64: in f32 a ray that starts a thousand voxels
 //! away knows where it is to 1e-4 of a voxel, and the integral to as much of the field's change.
-//! A piece therefore carries its length beside its rounded ends.
+//! A piece therefore carries its integral beside its rounded ends.
 
-use glam::{DVec3, IVec3, Vec3};
+use wide::f64x4;
 
 use super::majorant::MajorantGrid;
-use super::{Brick, Grid};
+use super::{BRICK, Grid};
 use crate::ray::{Ray, reciprocal};
 
 /// A piece of a ray on which the field is a cubic in t.
@@ -27,10 +27,10 @@ pub struct Piece {
     pub t_min: f32,
     /// End.
     pub t_max: f32,
-    /// `t_max - t_min` before they were rounded.
-    pub length: f32,
     /// Values at begin, middle and end.
     pub density: [f32; 3],
+    /// Integral of the field over the piece, its ends as they were before they were rounded.
+    pub integral: f32,
 }
 
 impl Piece {
@@ -41,17 +41,9 @@ impl Piece {
         Self {
             t_min,
             t_max,
-            length: t_max - t_min,
             density: [density; 3],
+            integral: density * (t_max - t_min),
         }
-    }
-
-    /// Exact integral of the field over the piece.
-    #[inline]
-    #[must_use]
-    pub fn integral(&self) -> f32 {
-        let [a, m, b] = self.density;
-        self.length * (1.0 / 6.0) * (4.0f32.mul_add(m, a) + b)
     }
 }
 
@@ -68,6 +60,8 @@ pub fn walk(
 ) -> u64 {
     let line = Line::new(ray);
     let mut lookups = 0;
+    // Integral over cells too short for a piece; the next one has it.
+    let mut sliver = 0.0;
     for segment in majorants.segments(ray, t0, t1) {
         if segment.majorant == 0.0 && segment.minorant == 0.0 || segment.t_max <= segment.t_min {
             continue;
@@ -80,171 +74,218 @@ pub fn walk(
             continue;
         }
         let mut cells = Cells::new(&line, segment.t_min.into(), segment.t_max.into());
-        while let Some((cell, from, mut to)) = cells.next() {
-            let brick = cell >> 3i32;
-            let values = match grid.brick(brick) {
-                Brick::Constant(value) => {
-                    while let Some((_, _, end)) = cells.next_in(brick) {
-                        to = end;
-                    }
-                    let (t_min, t_max) = (from as f32, to as f32);
-                    if value != 0.0 && t_min < t_max && !visit(Piece::constant(t_min, t_max, value))
-                    {
-                        return lookups;
-                    }
-                    continue;
+        let mut next = cells.next();
+        while let Some(first) = next {
+            let place = grid.place(first.cell);
+            if place.is_constant() {
+                let mut to = first.to;
+                next = cells.next();
+                while let Some(cell) = next.filter(|cell| cell.shares_brick(&first)) {
+                    to = cell.to;
+                    next = cells.next();
                 }
-                Brick::Values(values) => values,
-            };
-            let mut next = Some((cell, from, to));
-            // The field is continuous: a cell begins with the value that the last one ended with.
-            let mut before = None;
-            while let Some((cell, from, to)) = next {
-                let corners = values.corners(cell);
-                let at = |t: f64| corners.at(line.inside(cell, t));
-                let first = before.unwrap_or_else(|| at(from));
-                let density = [first, at(0.5 * (from + to)), at(to)];
-                before = Some(density[2]);
-                lookups += 2;
+                let value = grid.values.at(place.start());
                 let piece = Piece {
-                    t_min: from as f32,
+                    t_min: first.from as f32,
                     t_max: to as f32,
-                    length: (to - from) as f32,
-                    density,
+                    density: [value; 3],
+                    integral: (f64::from(value) * (to - first.from)) as f32,
                 };
-                // What f32 cannot tell from nothing is left out: 1e-4 voxels, once in 1e4 cells.
-                if density != [0.0; 3] && piece.t_min < piece.t_max && !visit(piece) {
+                if value != 0.0 && piece.t_min < piece.t_max && !visit(piece) {
                     return lookups;
                 }
-                next = cells.next_in(brick);
+                continue;
+            }
+            // The field is continuous: a cell begins with the value that the last one ended with.
+            let mut last = None;
+            while let Some(cell) = next.filter(|cell| cell.shares_brick(&first)) {
+                let spot = place.spot(cell.cell, grid.constants);
+                let corners = grid.values.corners(spot);
+                let at = |t: f64| corners.at_exactly(line.inside(cell.low, t));
+                let begin = last.unwrap_or_else(|| at(cell.from));
+                let end = at(cell.to);
+                let middle = at(0.5 * (cell.from + cell.to));
+                let integral = simpson(cell.to - cell.from, [begin, middle, end]) + sliver;
+                last = Some(end);
+                lookups += 2;
+                let (t_min, t_max) = (cell.from as f32, cell.to as f32);
+                next = cells.next();
+                if t_min >= t_max {
+                    // Ends that f32 does not tell apart: where a segment begins, mostly.
+                    sliver = integral;
+                    continue;
+                }
+                sliver = 0.0;
+                let piece = Piece {
+                    t_min,
+                    t_max,
+                    density: [begin, middle, end].map(|v| v as f32),
+                    integral: integral as f32,
+                };
+                if integral != 0.0 && !visit(piece) {
+                    return lookups;
+                }
             }
         }
     }
     lookups
 }
 
-/// A ray in f64.
+/// Integral of a cubic over a length, by its values at begin, middle and end.
+#[inline]
+fn simpson(length: f64, [begin, middle, end]: [f64; 3]) -> f64 {
+    length * (1.0 / 6.0) * (4.0f64.mul_add(middle, begin) + end)
+}
+
+/// A ray in f64, its three axes side by side.
 struct Line {
-    origin: DVec3,
-    direction: DVec3,
-    /// One over the direction; infinite where no face is ever reached.
-    inverse: DVec3,
+    origin: f64x4,
+    direction: f64x4,
+    /// One over the direction; 0 where no face is ever reached.
+    inverse: f64x4,
+    /// Set where faces are reached.
+    moves: f64x4,
+    /// From cell to cell.
+    step: f64x4,
+    /// From a cell's lowest voxel to the face that the ray leaves by.
+    ahead: f64x4,
+    /// The same steps as integers.
+    steps: [i32; 3],
+}
+
+/// A cell on a ray.
+#[derive(Clone, Copy)]
+struct Crossing {
+    /// Its lowest voxel.
+    cell: [i32; 3],
+    low: f64x4,
+    /// Where the ray enters and leaves it.
+    from: f64,
+    to: f64,
+}
+
+impl Crossing {
+    /// True if both cells are in one brick.
+    #[inline]
+    fn shares_brick(&self, other: &Self) -> bool {
+        let ([a, b, c], [x, y, z]) = (self.cell, other.cell);
+        ((a ^ x) | (b ^ y) | (c ^ z)) & -BRICK == 0
+    }
 }
 
 impl Line {
-    #[inline]
     fn new(ray: &Ray) -> Self {
-        let direction = ray.direction.as_dvec3();
-        let reached = reciprocal(ray.direction);
-        let inverse = std::array::from_fn(|a| {
-            if reached[a].is_infinite() {
-                f64::INFINITY
-            } else {
-                1.0 / direction[a]
-            }
-        });
+        let four = |v: [f64; 3]| f64x4::new([v[0], v[1], v[2], 0.0]);
+        let reached = reciprocal(ray.direction).to_array().map(f32::is_finite);
+        let direction = ray.direction.as_dvec3().to_array();
+        let of_axis = |f: &dyn Fn(usize) -> f64| {
+            four(std::array::from_fn(|a| if reached[a] { f(a) } else { 0.0 }))
+        };
+        let step = of_axis(&|a| direction[a].signum());
         Self {
-            origin: ray.origin.as_dvec3(),
-            direction,
-            inverse: DVec3::from_array(inverse),
+            origin: four(ray.origin.as_dvec3().to_array()),
+            direction: four(direction),
+            inverse: of_axis(&|a| 1.0 / direction[a]),
+            moves: step.simd_ne(f64x4::ZERO),
+            step,
+            ahead: step.fast_max(f64x4::ZERO),
+            steps: std::array::from_fn(|a| step.to_array()[a] as i32),
         }
     }
 
     #[inline]
-    fn at(&self, t: f64) -> DVec3 {
-        self.origin + self.direction * t
+    fn at(&self, t: f64) -> f64x4 {
+        self.direction.mul_add(f64x4::splat(t), self.origin)
     }
 
     /// Where in a cell the point at t is, in [0, 1].
     #[inline]
-    fn inside(&self, cell: IVec3, t: f64) -> Vec3 {
-        (self.at(t) - cell.as_dvec3())
-            .as_vec3()
-            .clamp(Vec3::ZERO, Vec3::ONE)
+    fn inside(&self, low: f64x4, t: f64) -> f64x4 {
+        (self.at(t) - low)
+            .fast_max(f64x4::ZERO)
+            .fast_min(f64x4::ONE)
+    }
+
+    /// t at which the ray meets a face on each axis.
+    #[inline]
+    fn meets(&self, faces: f64x4) -> f64x4 {
+        let t = (faces - self.origin) * self.inverse;
+        self.moves.bitselect(t, f64x4::splat(f64::INFINITY))
     }
 }
 
-/// The voxel cells that a ray crosses in [t, t_end]; tiles it exactly.
+/// The voxel cells that a ray crosses in [t, t_end]; tiles it exactly. All axes are stepped at a
+/// time and by masks: which one it is cannot be guessed.
 struct Cells<'a> {
     line: &'a Line,
-    cell: IVec3,
-    step: IVec3,
-    /// t of the next face on each axis.
-    next: DVec3,
+    cell: [i32; 3],
+    /// The faces by which the ray leaves the cell.
+    faces: f64x4,
+    /// t at which it meets each.
+    next: f64x4,
     t: f64,
     t_end: f64,
 }
 
+/// Faces that rounding may put behind a start: one on each axis, and one to spare.
+const BEHIND: usize = 4;
+
 impl<'a> Cells<'a> {
     #[inline]
     fn new(line: &'a Line, t: f64, t_end: f64) -> Self {
-        let step = IVec3::from_array(std::array::from_fn(|a| {
-            if line.inverse[a].is_infinite() {
-                0
-            } else if line.inverse[a] > 0.0 {
-                1
-            } else {
-                -1
-            }
-        }));
+        let low = line.at(t).floor();
+        let [x, y, z, _] = low.to_array();
+        let faces = low + line.ahead;
         let mut this = Self {
             line,
-            cell: line.at(t).floor().as_ivec3(),
-            step,
-            next: DVec3::INFINITY,
+            cell: [x as i32, y as i32, z as i32],
+            faces,
+            next: line.meets(faces),
             t,
             t_end,
         };
-        for a in 0..3 {
-            // A start on a face belongs to the cell that the ray goes on into, and rounding may
-            // have put it just behind one: skip cells already left.
-            this.next[a] = this.face(a);
-            while this.step[a] != 0 && this.next[a] <= t {
-                this.cell[a] += this.step[a];
-                let face = this.face(a);
-                if face <= this.next[a] {
-                    this.next[a] = f64::INFINITY;
-                    break;
-                }
-                this.next[a] = face;
+        // A start on a face belongs to the cell that the ray goes on into.
+        let now = f64x4::splat(t);
+        for _ in 0..BEHIND {
+            let behind = this.next.simd_le(now);
+            if !behind.any() {
+                return this;
             }
+            this.step(behind);
         }
+        // So far away that f64 does not tell the faces apart: they are never met.
+        let behind = this.next.simd_le(now);
+        this.next = behind.bitselect(f64x4::splat(f64::INFINITY), this.next);
         this
     }
 
-    /// t at which the ray leaves its cell along an axis.
+    /// On to the next cell along the axes of a mask.
     #[inline]
-    fn face(&self, a: usize) -> f64 {
-        if self.step[a] == 0 {
-            return f64::INFINITY;
+    fn step(&mut self, mask: f64x4) {
+        self.faces += mask & self.line.step;
+        self.next = self.line.meets(self.faces);
+        let axes = mask.to_bitmask() as i32;
+        for (a, (cell, step)) in self.cell.iter_mut().zip(self.line.steps).enumerate() {
+            *cell += step & -(axes >> a & 1);
         }
-        let side = self.cell[a] + i32::from(self.step[a] > 0);
-        (f64::from(side) - self.line.origin[a]) * self.line.inverse[a]
     }
 
-    /// The next cell, and where the ray enters and leaves it.
+    /// The next cell.
     #[inline]
-    fn next(&mut self) -> Option<(IVec3, f64, f64)> {
+    fn next(&mut self) -> Option<Crossing> {
         if self.t >= self.t_end {
             return None;
         }
-        let axis = if self.next.x <= self.next.y {
-            if self.next.x <= self.next.z { 0 } else { 2 }
-        } else if self.next.y <= self.next.z {
-            1
-        } else {
-            2
+        let [x, y, z, _] = self.next.to_array();
+        let nearest = x.min(y).min(z);
+        let crossing = Crossing {
+            cell: self.cell,
+            low: self.faces - self.line.ahead,
+            from: self.t,
+            to: nearest.clamp(self.t, self.t_end),
         };
-        let (cell, enter) = (self.cell, self.t);
-        self.t = self.next[axis].clamp(enter, self.t_end);
-        self.cell[axis] += self.step[axis];
-        self.next[axis] = self.face(axis);
-        Some((cell, enter, self.t))
-    }
-
-    /// The same, while it is in a brick.
-    #[inline]
-    fn next_in(&mut self, brick: IVec3) -> Option<(IVec3, f64, f64)> {
-        (self.cell >> 3i32 == brick).then(|| self.next()).flatten()
+        self.t = crossing.to;
+        self.step(self.next.simd_le(f64x4::splat(nearest)));
+        Some(crossing)
     }
 }

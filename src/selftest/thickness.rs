@@ -66,7 +66,7 @@ fn walked(medium: &Medium<f32>, ray: &Ray) -> f64 {
         0.0,
         f32::INFINITY,
         |piece| {
-            depth += f64::from(piece.integral());
+            depth += f64::from(piece.integral);
             true
         },
     );
