@@ -329,7 +329,7 @@ pub fn transmittance<S: Spectrum>(
                 field
                     .plateau
                     .pieces(&field.local_ray(ray), 0.0, t_max, |piece| {
-                        depth += f64::from(piece.integral());
+                        depth += f64::from(piece.integral);
                         depth < f64::from(spent)
                     });
             }

@@ -485,7 +485,7 @@ pub fn transmittance<S: Spectrum>(
                 field
                     .plateau
                     .pieces(&field.local_ray(ray), 0.0, t_max, |piece| {
-                        depth += piece.integral();
+                        depth += piece.integral;
                         true
                     });
                 medium.sigma_t.map(|k| (-k * depth).exp())

@@ -76,16 +76,8 @@ impl Plateau {
         ends[..count].sort_unstable_by(f32::total_cmp);
         let (mut start, mut first) = (enter, self.at(ray.at(enter)));
         for end in &ends[..=count] {
-            let piece = Piece {
-                t_min: start,
-                t_max: *end,
-                length: end - start,
-                density: [
-                    first,
-                    self.at(ray.at(0.5 * (start + end))),
-                    self.at(ray.at(*end)),
-                ],
-            };
+            let middle = self.at(ray.at(0.5 * (start + end)));
+            let piece = Piece::cubic(start, *end, [first, middle, self.at(ray.at(*end))]);
             if piece.t_max > piece.t_min && !visit(piece) {
                 return;
             }

@@ -45,6 +45,19 @@ impl Piece {
             integral: density * (t_max - t_min),
         }
     }
+
+    /// A piece by its values at begin, middle and end.
+    #[inline]
+    #[must_use]
+    pub fn cubic(t_min: f32, t_max: f32, density: [f32; 3]) -> Self {
+        let length = f64::from(t_max) - f64::from(t_min);
+        Self {
+            t_min,
+            t_max,
+            density,
+            integral: simpson(length, density.map(f64::from)) as f32,
+        }
+    }
 }
 
 /// Visits the pieces of a local-space ray inside [t0, t1] where the field is not 0, in order,
