@@ -23,9 +23,10 @@ use std::time::Instant;
 
 use glam::{UVec3, Vec3};
 use vpm_vdb::effects::EffectPlan;
-use vpm_vdb::estimate::beam;
+use vpm_vdb::estimate::beam::{self, Stretch};
 use vpm_vdb::estimate::kernel::Kernel;
 use vpm_vdb::estimate::tiles::{Bands, TILE, TILE_RAYS, TileGrid, TileRays};
+use vpm_vdb::estimate::wall::Wall;
 use vpm_vdb::grid::load::load_volumes;
 use vpm_vdb::march::{Profile, transmittance};
 use vpm_vdb::photon::deposit::DepositRate;
@@ -204,9 +205,12 @@ fn bench<S: Spectrum, H: Heading>(
                 Kernel::Biweight,
                 &world.media,
                 map,
-                &r.profile,
-                &r.ray,
-                0,
+                &Stretch {
+                    ray: &r.ray,
+                    profile: &r.profile,
+                    compartment: 0,
+                    walls: [Wall::NONE; 2],
+                },
                 &mut counters,
             )
         });

@@ -308,7 +308,7 @@ fn pick_light<'a, S: Spectrum>(
     world: &'a World<S>,
     sampler: &mut Sampler,
 ) -> Option<(&'a Light<S>, f32)> {
-    let count = world.lights.iter().filter(|l| !l.is_sky()).count() as u32;
+    let count = world.lights.iter().filter(|l| l.is_sampled()).count() as u32;
     if count == 0 {
         return None;
     }
@@ -316,7 +316,7 @@ fn pick_light<'a, S: Spectrum>(
     world
         .lights
         .iter()
-        .filter(|l| !l.is_sky())
+        .filter(|l| l.is_sampled())
         .nth(index)
         .map(|l| (l, 1.0 / count as f32))
 }

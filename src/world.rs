@@ -14,7 +14,7 @@ use glam::DVec3;
 use crate::blackbody::Blackbody;
 use crate::camera::Camera;
 use crate::effects::General;
-use crate::light::{Light, LightSample};
+use crate::light::{Glow, Light, LightError, LightSample};
 use crate::medium::{EmissionField, Field, GridField, Medium};
 use crate::photon::deposit::Part;
 use crate::ray::{Bounds, Ray};
@@ -30,6 +30,17 @@ pub struct LoadedVolume {
     pub density: crate::grid::Grid,
     /// Temperature, where the volume emits.
     pub temperature: Option<crate::grid::Grid>,
+}
+
+/// Something of a scene that cannot be loaded.
+#[derive(Debug, thiserror::Error)]
+pub enum WorldError {
+    /// An object.
+    #[error(transparent)]
+    Surface(#[from] SurfaceError),
+    /// A light.
+    #[error(transparent)]
+    Light(#[from] LightError),
 }
 
 /// See the module's page.
@@ -127,20 +138,20 @@ impl<S: Spectrum> World<S> {
     /// Places the scene's volumes, fogs, objects, lights and camera.
     ///
     /// # Errors
-    /// [`SurfaceError`]: an object that cannot be loaded.
-    pub fn new(scene: &Scene, volumes: Vec<LoadedVolume>) -> Result<Self, SurfaceError> {
+    /// [`WorldError`]: an object or a light that cannot be loaded.
+    pub fn new(scene: &Scene, volumes: Vec<LoadedVolume>) -> Result<Self, WorldError> {
         Self::with(scene, volumes, General::default())
     }
 
     /// As [`new`](Self::new), with general forms where special ones would do.
     ///
     /// # Errors
-    /// [`SurfaceError`]: an object that cannot be loaded.
+    /// [`WorldError`]: an object or a light that cannot be loaded.
     pub fn with(
         scene: &Scene,
         volumes: Vec<LoadedVolume>,
         general: General,
-    ) -> Result<Self, SurfaceError> {
+    ) -> Result<Self, WorldError> {
         let origin = middle(scene, &volumes);
         let surfaces = if scene.objects.is_empty() && !general.hierarchy {
             None
@@ -191,12 +202,12 @@ impl<S: Spectrum> World<S> {
             .filter_map(Medium::bounds)
             .fold(Bounds::EMPTY, |a, b| a.union(&b));
         let camera = Camera::new(&scene.camera, origin);
-        let lights: Vec<Light<S>> = scene
+        let mut lights: Vec<Light<S>> = scene
             .lights
             .iter()
-            .filter_map(|l| Light::from_scene(l, origin))
-            .chain(surfaces.iter().flat_map(Light::from_surfaces))
-            .collect();
+            .map(|l| Light::from_scene(l, origin))
+            .chain(surfaces.iter().flat_map(Light::from_surfaces).map(Ok))
+            .collect::<Result<_, _>>()?;
         // Fog without a box fills the box around everything that has a place.
         let mut whole = lights
             .iter()
@@ -251,6 +262,8 @@ impl<S: Spectrum> World<S> {
                 Some(media.len() - 1)
             })
             .collect();
+        let glows = (0..open).filter_map(|i| Glow::new(&media, i));
+        lights.extend(glows.map(Light::Glow));
         let mut next = 0u8;
         let compartments = (0..scene.objects.len() as u32)
             .map(|object| {
@@ -280,13 +293,8 @@ impl<S: Spectrum> World<S> {
             .iter()
             .map(|l| l.position().map_or(Inside::NOTHING, inside_at))
             .collect();
-        let wide = |light: &Light<S>| match light {
-            Light::Sun { spread, .. } => *spread > 0.0,
-            Light::Point { .. } | Light::Spot { .. } | Light::Sky { .. } => false,
-            Light::Quad { .. } | Light::Sphere { .. } | Light::Emitter { .. } => true,
-        };
         Ok(Self {
-            points: general.points || lights.iter().any(wide),
+            points: general.points || lights.iter().any(Light::is_wide),
             boundaries: general.boundaries || surfaces.as_ref().is_some_and(Surfaces::any_encloses),
             camera_inside: inside_at(camera.position),
             light_inside,
@@ -441,21 +449,10 @@ impl<S: Spectrum> World<S> {
         sampler: &mut Sampler,
     ) -> Option<LightSample<S>> {
         match (light, &self.surfaces) {
-            (Light::Emitter { index, .. }, Some(surfaces)) => {
-                let emitter = &surfaces.emitters()[*index];
+            (Light::Emitter(emitter), Some(surfaces)) => {
                 let u = [sampler.uniform(), sampler.uniform(), sampler.uniform()];
                 sampler.counters.effects.light_points += 1;
-                let point = surfaces.sample_emitter(emitter, u)?;
-                let to = point.spawn_origin(p - point.position) - p;
-                let distance = to.length();
-                let direction = to / distance;
-                let cos = -direction.dot(point.normal);
-                let value = S::from_rgb(point.radiance) * (cos / (distance * distance * point.pdf));
-                (cos > 0.0 && distance > 0.0).then_some(LightSample {
-                    direction,
-                    distance,
-                    value,
-                })
+                emitter.sample(surfaces, p, u)
             }
             _ if self.points => {
                 sampler.counters.effects.light_points += 1;

@@ -1,11 +1,11 @@
 """Writes the volumes of this folder with the OpenVDB library.
 
-    python3 generate.py smoke|cumulus|fire|all [--out FOLDER] [--coarse]
+    python3 generate.py smoke|cumulus|fire|haze|all [--out FOLDER] [--coarse]
     python3 generate.py table [--out FOLDER]
 
 Needs Debian's python3-openvdb, python3-numpy, python3-scipy and python3-numba,
 and the system's Python.  Each volume is described at the top of its own file:
-`smoke`, `cumulus`, `fire`.  Seeds are fixed; two runs on one machine agree to the
+`smoke`, `cumulus`, `fire`, `drift`.  Seeds are fixed; two runs on one machine agree to the
 bit, and on two machines up to the rounding of the libraries, which turbulence
 amplifies.  `table` reads the files back and prints what README.md lists.
 """
@@ -15,6 +15,7 @@ import time
 from pathlib import Path
 
 import cumulus
+import drift
 import fire
 import smoke
 import vdbout
@@ -38,6 +39,11 @@ def make_fire(folder, coarse):
     fire.write(folder / "fire.vdb", halved(fire.CELLS) if coarse else fire.CELLS)
 
 
+def make_haze(folder, coarse):
+    drift.write(folder, drift.HAZE, coarse)
+    drift.write(folder, drift.GROUND_FOG, coarse)
+
+
 def table(folder):
     """Markdown table of every grid in the folder's files, read back by the library."""
     print("| file | MB | grid | type | active voxels | active box x y z | voxel [m] | min | max |")
@@ -54,7 +60,7 @@ def _number(value):
     return " ".join(f"{v:.3g}" for v in values)
 
 
-MAKERS = {"smoke": make_smoke, "cumulus": make_cumulus, "fire": make_fire}
+MAKERS = {"smoke": make_smoke, "cumulus": make_cumulus, "fire": make_fire, "haze": make_haze}
 
 
 def main():

@@ -536,6 +536,46 @@ def truss():
     return join(parts)
 
 
+def puddles():
+    """Water on a road 9 m wide and 64 m long, as plates 4 mm thick with wavy outlines."""
+    random, parts, n = np.random.default_rng(5), [], 40
+    turn = 2.0 * np.pi * np.arange(n) / n
+    for _ in range(210):
+        x, z = random.uniform(-4.2, 4.2), random.uniform(-50.0, 14.0)
+        size, stretch = 0.16 + 0.7 * random.uniform() ** 2, random.uniform(1.2, 3.5)
+        r = np.ones(n)
+        for k in range(2, 7):
+            r += random.uniform(0.0, 0.7 / k) * np.cos(k * turn + random.uniform(0.0, 2.0 * np.pi))
+        rim = np.column_stack([
+            np.clip(x + size * r * np.cos(turn), -4.48, 4.48), z + stretch * size * r * np.sin(turn)])
+        level = lambda y: np.column_stack([rim[:, 0], np.full(n, y), rim[:, 1]])
+        middles = np.array([[x, 0.0, z], [x, 0.004, z]])
+        i, j = np.arange(n), (np.arange(n) + 1) % n
+        fan = lambda a, b, c: np.stack([a, b, np.full(n, c)], 1)
+        parts.append((np.concatenate([level(0.0), level(0.004), middles]), None, np.concatenate([
+            fan(i, j, 2 * n), fan(j + n, i + n, 2 * n + 1),
+            np.stack([i, i + n, j], 1), np.stack([j, i + n, j + n], 1)])))
+    return join(parts)
+
+
+def lit_windows():
+    """The panes of a few sash windows along two house fronts, at x = -8 m and x = 8 m."""
+    parts = []
+    for side, z0, choice in ((-1, -1.5, (0, 3, 5, 8, 13)), (1, -6.0, (1, 2, 6, 9, 12))):
+        for k in choice:
+            floor, bay = k % 2, k // 2
+            y, z = 1.5 + 3.0 * floor, z0 - 3.1 * bay
+            for row in (0, 1):
+                for column in (0, 1):
+                    low, front = (y + 0.78 * row, z - 0.52 * column), 7.99
+                    outline = [(low[0], low[1] - 0.48), (low[0] + 0.72, low[1] - 0.48),
+                               (low[0] + 0.72, low[1]), (low[0], low[1])]
+                    v, _, t = prism(outline, front, front + 0.1)
+                    v = np.column_stack([side * v[:, 2], v[:, 0], v[:, 1]])
+                    parts.append((v, None, t if side > 0 else t[:, ::-1]))
+    return join(parts)
+
+
 def window_wall():
     """A church wall, 9 m by 7 m by 0.5 m, with three pointed windows that have tracery."""
     parts, width, top, z0, z1 = [], 9.0, 7.0, -0.25, 0.25
@@ -571,7 +611,8 @@ def window_wall():
 
 
 MESHES = {m.__name__: m for m in (
-    bust, figure, singer, car, car_windows, ring, street_lamp, truss, window_wall)}
+    bust, figure, singer, car, car_windows, lit_windows,
+    puddles, ring, street_lamp, truss, window_wall)}
 
 if __name__ == "__main__":
     for name in sys.argv[1:] or MESHES:

@@ -76,6 +76,8 @@ impl Media {
 pub(super) struct Lights {
     pub(super) count: usize,
     pub(super) skies: usize,
+    /// Pictures of the sky.
+    pub(super) pictures: usize,
     /// With an area: quads and spheres.
     pub(super) areas: usize,
     /// Suns with a disc.
@@ -133,10 +135,12 @@ pub(super) fn grey(rgb: Vec3) -> bool {
 pub(super) fn light_colour(light: &Light) -> Vec3 {
     match light {
         Light::Sun { irradiance, .. } => *irradiance,
-        Light::Sky { radiance } | Light::Quad { radiance, .. } | Light::Sphere { radiance, .. } => {
-            *radiance
-        }
-        Light::SkyImage { .. } => Vec3::X,
+        Light::Sky { radiance }
+        | Light::Quad { radiance, .. }
+        | Light::Disk { radiance, .. }
+        | Light::Sphere { radiance, .. } => *radiance,
+        // Pictures are taken for coloured.
+        Light::SkyImage { .. } | Light::Spot { image: Some(_), .. } => Vec3::X,
         Light::Point { power, .. } | Light::Spot { power, .. } => *power,
     }
 }
@@ -231,11 +235,12 @@ impl Lights {
         self.count += 1;
         self.coloured += usize::from(!grey(colour));
         match light {
-            Light::Sky { .. } | Light::SkyImage { .. } => self.skies += 1,
+            Light::Sky { .. } => self.skies += 1,
+            Light::SkyImage { .. } => self.pictures += 1,
             Light::Sun {
                 angular_diameter, ..
             } => self.discs += usize::from(*angular_diameter > 0.0),
-            Light::Quad { .. } | Light::Sphere { .. } => self.areas += 1,
+            Light::Quad { .. } | Light::Disk { .. } | Light::Sphere { .. } => self.areas += 1,
             Light::Point { .. } | Light::Spot { .. } => {}
         }
     }

@@ -305,7 +305,7 @@ fn light_place(light: &Light) -> Option<(Box3, bool)> {
             ];
             Some((Box3::around(corners), true))
         }
-        Light::Sphere { center, radius, .. } => {
+        Light::Disk { center, radius, .. } | Light::Sphere { center, radius, .. } => {
             Some((Box3::around([center - radius, center + radius]), true))
         }
         Light::Sun { .. } | Light::Sky { .. } | Light::SkyImage { .. } => None,

@@ -91,17 +91,20 @@ struct Needs {
 impl Needs {
     fn new(scene: &Scene, facts: &Facts) -> Self {
         let settings = &scene.settings;
-        let lit = facts.shining() > 0;
+        let emission = facts.heat.as_ref().is_some_and(|h| h.emits);
+        let lit = facts.shining() > 0 || emission;
         let scattering = lit && facts.media.scattering > 0 && settings.max_bounces > 0;
         let multiple = scattering && settings.max_bounces > 1;
-        let emission = facts.heat.as_ref().is_some_and(|h| h.emits);
         let sampled = facts.shining() - facts.lights.skies;
         let traced = lit && settings.method != Method::Path;
         // A photon is kept on a surface if something has scattered it before.
         let scattered_before = scattering || !facts.materials.one_flat();
-        let surface_photons =
-            traced && facts.materials.diffuse > 0 && settings.max_bounces > 1 && scattered_before;
-        let from_photons = multiple || facts.lights.skies > 0 || settings.direct == Direct::Photons;
+        let indirect = settings.max_bounces > 1 && scattered_before;
+        // Light straight from a medium is kept, too.
+        let straight = settings.max_bounces > 0 && emission;
+        let surface_photons = traced && facts.materials.diffuse > 0 && (indirect || straight);
+        let from_photons =
+            multiple || facts.lights.skies > 0 || emission || settings.direct == Direct::Photons;
         Self {
             scattering,
             multiple,

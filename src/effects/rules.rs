@@ -95,7 +95,7 @@ fn single_scattering(scene: &Scene, facts: &Facts, needs: Needs) -> Effect {
     } else if !needs.direct {
         "photons"
     } else if facts.lights.skies > 0 {
-        "sampled along camera rays; skies from photons"
+        "sampled along camera rays; plain skies from photons"
     } else {
         "sampled along camera rays"
     };
@@ -228,9 +228,9 @@ fn surface_photons(scene: &Scene, facts: &Facts, needs: Needs) -> Effect {
     let materials = &facts.materials;
     let reason = if materials.diffuse == 0 {
         "0 objects are diffuse and not black".to_owned()
-    } else if facts.shining() == 0 {
+    } else if facts.shining() == 0 && !needs.emission {
         "0 lights shine".to_owned()
-    } else if scene.settings.max_bounces < 2 {
+    } else if scene.settings.max_bounces < 2 && !needs.surface_photons {
         format!("max_bounces is {}", scene.settings.max_bounces)
     } else if scene.settings.method == Method::Path {
         "paths are traced, not photons".to_owned()
@@ -287,8 +287,8 @@ fn area_lights(facts: &Facts) -> Effect {
 fn environment(facts: &Facts) -> Effect {
     effect(
         "environment",
-        facts.lights.skies > 0,
-        number(facts.lights.skies, "sky"),
+        facts.lights.skies + facts.lights.pictures > 0,
+        number(facts.lights.skies + facts.lights.pictures, "sky"),
         "photons through the media's box, background",
     )
 }

@@ -18,9 +18,11 @@
 //!
 //! Every photon whose disc the ray pierces, once; no steps, hence no step size (Jarosz, Zwicker &
 //! Jensen 2008). T comes from the ray's one profile: two photons a millimetre apart do not march
-//! twice. Photons beyond the profile's end, which is where a surface ends the ray, do not count.
+//! twice. Photons beyond the profile's end, which is where a surface ends the ray, do not count, and
+//! discs that reach over that surface are cut (`wall`).
 
 use crate::estimate::kernel::Kernel;
+use crate::estimate::wall::{self, Wall};
 use crate::march::Profile;
 use crate::medium::Medium;
 use crate::phase::ISOTROPIC;
@@ -56,23 +58,43 @@ pub fn contribution<S: Spectrum, H: Heading>(
     tr * scattering * photon.power * kernel
 }
 
-/// Radiance of the map's photons along the ray.
+/// A straight piece of a camera's path.
+#[derive(Debug)]
+pub struct Stretch<'a, S> {
+    /// The ray.
+    pub ray: &'a Ray,
+    /// Its media.
+    pub profile: &'a Profile<S>,
+    /// The compartment that it lies in.
+    pub compartment: u8,
+    /// What it starts from and ends on.
+    pub walls: [Wall; 2],
+}
+
+/// Radiance of the map's photons along a stretch.
 pub fn radiance<S: Spectrum, H: Heading>(
     kernel: Kernel,
     media: &[Medium<S>],
     map: &PhotonMap<S, H>,
-    profile: &Profile<S>,
-    ray: &Ray,
-    compartment: u8,
+    stretch: &Stretch<'_, S>,
     counters: &mut Counters,
 ) -> S {
+    let Stretch {
+        ray,
+        profile,
+        compartment,
+        walls,
+    } = stretch;
     let mut sum = Compensated::default();
     map.along(ray, 0.0, profile.t_end, |photon, t, d2| {
-        if H::KEPT && photon.heading.compartment() != compartment {
+        if H::KEPT && photon.heading.compartment() != *compartment {
             return;
         }
         counters.gathered_photons += 1;
-        sum.add(contribution(kernel, media, profile, ray, photon, t, d2));
+        let weight = wall::weight(walls, kernel, t, photon.radius, photon.position);
+        if weight > 0.0 {
+            sum.add(contribution(kernel, media, profile, ray, photon, t, d2) * weight);
+        }
     });
     sum.sum()
 }

@@ -17,10 +17,12 @@
 //! at a diffuse surface, where it leaves, by Russian roulette once its throughput is below
 //! `ROULETTE_BELOW`, or after [`MAX_PREFIX`] events.
 
+use crate::estimate::beam::Stretch;
 use crate::estimate::direct::DirectLights;
 use crate::estimate::emission;
 use crate::estimate::gather::MediaPhotons;
 use crate::estimate::point::Sphere;
+use crate::estimate::wall::Wall;
 use crate::film::Sample;
 use crate::march::{Profile, transmittance};
 use crate::photon::Heading;
@@ -268,8 +270,17 @@ impl<S: Spectrum, H: Heading> Chain<'_, S, H> {
                         .radiance(world, &ray, &link.inside, profile, sampler);
             }
             if let Some(photons) = self.media_photons {
-                let [first, higher] =
-                    photons.radiance(world, &ray, &link.inside, profile, sphere, sampler);
+                let end = hit.filter(|_| light.is_none());
+                let stretch = Stretch {
+                    ray: &ray,
+                    profile,
+                    compartment: world.compartment(&link.inside),
+                    walls: [
+                        Wall::new(&ray, &link.hit, 0.0),
+                        end.map_or(Wall::NONE, |hit| Wall::new(&ray, &hit, hit.t)),
+                    ],
+                };
+                let [first, higher] = photons.radiance(world, &stretch, sphere, sampler);
                 sum.direct += link.throughput * first;
                 sum.indirect += link.throughput * higher;
             }
@@ -303,17 +314,17 @@ impl<S: Spectrum, H: Heading> Chain<'_, S, H> {
         let shift = sampler.uniform();
         for i in 0..LIGHT_SAMPLES {
             let pick = (shift + i as f32 / LIGHT_SAMPLES as f32).fract();
-            self.lights.visit_picked(pick, |index, weight| {
-                let light = &world.lights[index];
-                let Some(sample) = world.sample_light(light, hit.position, sampler) else {
-                    return;
-                };
-                let f = bsdf.eval(link.ray.direction, sample.direction, Transport::Radiance);
-                if f != Rgb::ZERO {
-                    let tr = self.reach(link, sample.direction, sample.distance, sampler);
-                    sum += S::from_rgb(f) * sample.value * tr * weight;
-                }
-            });
+            self.lights
+                .visit_picked(world, hit.position, pick, |light, weight| {
+                    let Some(sample) = world.sample_light(light, hit.position, sampler) else {
+                        return;
+                    };
+                    let f = bsdf.eval(link.ray.direction, sample.direction, Transport::Radiance);
+                    if f != Rgb::ZERO {
+                        let tr = self.reach(link, sample.direction, sample.distance, sampler);
+                        sum += S::from_rgb(f) * sample.value * tr * weight;
+                    }
+                });
         }
         sum * (1.0 / LIGHT_SAMPLES as f32)
     }

@@ -8,11 +8,14 @@
 //!
 //! Distances are stratified. Distant lights use free flight alone; local ones share the samples
 //! between both densities by the balance heuristic: free flight finds the medium, equiangular
-//! the surroundings of the light. Shadow rays are exact marches: their cost is like ratio
-//! tracking's, and the grain of a picture is first of all that of its shadow rays. With many
-//! lights each sample picks one in proportion to its power.
+//! the surroundings of the light. Both keep to the part of the ray that the light can be seen
+//! from: inside a spot's cone, before a quad. Shadow rays are exact marches: their cost is like
+//! ratio tracking's, and the grain of a picture is first of all that of its shadow rays. With many
+//! lights the samples are shared out in proportion to brightness times the integral of 1 / d^2
+//! along that part.
 //!
-//! A sky is not sampled here: its first order comes from photons, which are smooth where it is.
+//! A plain sky and a medium that shines are not sampled here: their first order comes from photons,
+//! which are smooth where it is.
 //!
 //! Sources: Kulla & Fajardo 2012 (equiangular sampling, MIS); Veach & Guibas 1995.
 
@@ -32,35 +35,53 @@ pub const SAMPLES: u32 = 8;
 /// Lights up to which every one is sampled; more are picked from.
 const ALL_LIGHTS: usize = 3;
 
-/// The lights that are sampled along camera rays, and how likely each is picked.
+/// Share of the picks that goes to all lights that reach a ray alike. Without it a light that is
+/// taken for weak, since it is far and the medium near, would be picked rarely and weigh much.
+const ALIKE: f32 = 0.1;
+
+/// The lights that are sampled along camera rays.
 #[derive(Debug, Clone)]
 pub struct DirectLights {
-    /// Index in the world, probability, and upper end of its share of [0, 1).
-    lights: Vec<(usize, f32, f32)>,
+    /// Indices in the world.
+    lights: Vec<usize>,
+}
+
+/// What makes a light likely to be picked: shares of `total`, spread over `count` lights.
+#[derive(Debug, Clone, Copy, Default)]
+struct Pick {
+    total: f32,
+    count: u32,
+}
+
+impl Pick {
+    fn add(&mut self, weight: f32) {
+        if weight > 0.0 {
+            self.total += weight;
+            self.count += 1;
+        }
+    }
+
+    /// Probability of a light of that weight.
+    fn share(&self, weight: f32) -> f32 {
+        if weight > 0.0 {
+            (1.0 - ALIKE) * weight / self.total + ALIKE / self.count as f32
+        } else {
+            0.0
+        }
+    }
 }
 
 impl DirectLights {
-    /// From a world; skies are left to the photons.
+    /// From a world; plain skies and media that shine are left to the photons.
     #[must_use]
     pub fn new<S: Spectrum>(world: &World<S>) -> Self {
-        let powers: Vec<(usize, f32)> = world
-            .lights
-            .iter()
-            .enumerate()
-            .filter(|(_, light)| !light.is_sky())
-            .map(|(i, light)| (i, light.power_toward(&world.target)))
-            .filter(|(_, power)| *power > 0.0)
-            .collect();
-        let total: f32 = powers.iter().map(|(_, p)| p).sum();
-        let mut sum = 0.0;
-        let lights = powers
-            .into_iter()
-            .map(|(i, p)| {
-                sum += p / total;
-                (i, p / total, sum)
-            })
-            .collect();
-        Self { lights }
+        let lights = world.lights.iter().enumerate();
+        Self {
+            lights: lights
+                .filter(|(_, light)| light.is_sampled() && light.brightness() > 0.0)
+                .map(|(i, _)| i)
+                .collect(),
+        }
     }
 
     /// True where there is nothing to sample.
@@ -69,18 +90,43 @@ impl DirectLights {
         self.lights.is_empty()
     }
 
-    /// Visits the lights to be sampled at one point, each with 1 over its probability: all of
-    /// them, or one that `u` picks of many.
-    pub fn visit_picked(&self, u: f32, mut visit: impl FnMut(usize, f32)) {
+    /// Visits the lights to be sampled at `p`, each with 1 over its probability: all of them, or
+    /// one that `u` picks of many, by what it would send there if nothing were in between.
+    pub fn visit_picked<S: Spectrum>(
+        &self,
+        world: &World<S>,
+        p: Vec3,
+        u: f32,
+        mut visit: impl FnMut(&Light<S>, f32),
+    ) {
+        let lights = self.lights.iter().map(|i| &world.lights[*i]);
         if self.lights.len() <= ALL_LIGHTS {
-            self.lights
-                .iter()
-                .for_each(|(index, ..)| visit(*index, 1.0));
-        } else {
-            let chosen = self.lights.iter().find(|(_, _, upper)| u < *upper);
-            if let Some((index, probability, _)) = chosen.or(self.lights.last()) {
-                visit(*index, 1.0 / probability);
+            lights.for_each(|light| visit(light, 1.0));
+            return;
+        }
+        let weight = |light: &Light<S>| {
+            if !light.shines_on(p) {
+                return 0.0;
             }
+            let near = light.position().map_or(1.0, |q| q.distance_squared(p));
+            light.brightness() / near.max(f32::MIN_POSITIVE)
+        };
+        let mut pick = Pick::default();
+        lights.clone().for_each(|light| pick.add(weight(light)));
+        let mut upper = 0.0;
+        let mut chosen = None;
+        for light in lights {
+            let share = pick.share(weight(light));
+            upper += share;
+            if share > 0.0 {
+                chosen = Some((light, share));
+                if u < upper {
+                    break;
+                }
+            }
+        }
+        if let Some((light, share)) = chosen {
+            visit(light, 1.0 / share);
         }
     }
 
@@ -97,62 +143,133 @@ impl DirectLights {
         if profile.is_clear() || self.lights.is_empty() {
             return S::ZERO;
         }
+        let extent = profile.extent();
+        let lights = self.lights.iter().map(|i| &world.lights[*i]);
         let mut sum = S::ZERO;
-        let shift = sampler.uniform();
-        let all = self.lights.len() <= ALL_LIGHTS;
-        for i in 0..SAMPLES {
-            let u = (i as f32 + sampler.uniform()) * (1.0 / SAMPLES as f32);
-            if all {
-                for (index, _, _) in &self.lights {
-                    let light = &world.lights[*index];
-                    sum += one_sample(world, light, (ray, inside), profile, u, sampler);
-                }
-            } else {
-                // The pick is stratified too, in an order of its own.
-                let pick = (shift + i as f32 * (1.0 / SAMPLES as f32)).fract();
-                let chosen = self.lights.iter().find(|(_, _, upper)| pick < *upper);
-                let Some((index, probability, _)) = chosen.or(self.lights.last()) else {
+        if self.lights.len() <= ALL_LIGHTS {
+            for light in lights {
+                let Some(reach) = Reach::new(light, ray, extent) else {
                     continue;
                 };
+                for i in 0..SAMPLES {
+                    // Both densities get every stratum of every second sample.
+                    let u = ((i / 2) as f32 + sampler.uniform()) * (2.0 / SAMPLES as f32);
+                    let by_angle = i % 2 == 0;
+                    sum += one_sample(
+                        world,
+                        &reach,
+                        (ray, inside),
+                        profile,
+                        (u, by_angle),
+                        sampler,
+                    );
+                }
+            }
+            return sum * (1.0 / SAMPLES as f32);
+        }
+        let weight = |light| Reach::new(light, ray, extent).map_or(0.0, |reach| reach.weight());
+        let mut pick = Pick::default();
+        lights.clone().for_each(|light| pick.add(weight(light)));
+        // Evenly spaced picks with one shift; where a pick falls in a light's share is the light's
+        // own stratum.
+        let mut next = sampler.uniform();
+        let mut lower = 0.0;
+        for light in lights {
+            let Some(reach) = Reach::new(light, ray, extent) else {
+                continue;
+            };
+            let share = pick.share(reach.weight()) * SAMPLES as f32;
+            while next < lower + share {
+                let u = ((next - lower) / share).clamp(0.0, 1.0 - f32::EPSILON);
+                let by_angle = sampler.uniform() < 0.5;
                 let l = one_sample(
                     world,
-                    &world.lights[*index],
+                    &reach,
                     (ray, inside),
                     profile,
-                    sampler.uniform(),
+                    (u, by_angle),
                     sampler,
                 );
-                sum += l * (1.0 / probability);
+                sum += l * (1.0 / share);
+                next += 1.0;
             }
+            lower += share;
         }
-        sum * (1.0 / SAMPLES as f32)
+        sum
     }
 }
 
-/// Density of free-flight distances, mean over the channels. \[1/m\]
-fn flight_pdf<S: Spectrum>(profile: &Profile<S>, t: f32) -> f32 {
+/// The stretch of a ray that a light can be seen from.
+struct Reach<'a, S> {
+    light: &'a Light<S>,
+    /// \[m\]
+    extent: (f32, f32),
+    /// Of a local light.
+    angles: Option<Equiangular>,
+}
+
+impl<'a, S: Spectrum> Reach<'a, S> {
+    fn new(light: &'a Light<S>, ray: &Ray, extent: (f32, f32)) -> Option<Self> {
+        let extent = light.shines_along(ray, extent)?;
+        let angles = light
+            .position()
+            .and_then(|p| Equiangular::new(ray, p, extent));
+        Some(Self {
+            light,
+            extent,
+            angles,
+        })
+    }
+
+    /// Integral over the stretch of what the light sends there if nothing is in between, about.
+    fn weight(&self) -> f32 {
+        let (a, b) = self.extent;
+        let length = self.angles.as_ref().map_or(b - a, |angles| {
+            // A light on the ray is not all that matters.
+            (angles.theta[1] - angles.theta[0]) / angles.d.max(NEAREST * (b - a))
+        });
+        self.light.brightness() * length
+    }
+}
+
+/// Distance of a light from the ray, as a share of the stretch, below which it is no more likely
+/// to be picked.
+const NEAREST: f32 = 0.01;
+
+/// Density of free-flight distances that end within `extent`, mean over the channels. \[1/m\]
+fn flight_pdf<S: Spectrum>(profile: &Profile<S>, extent: (f32, f32), t: f32) -> f32 {
     let mut sigma = S::ZERO;
     profile.media_at(t, |_, s| sigma += s);
-    let tr = profile.transmittance(t);
+    let start = profile.optical_depth(extent.0);
+    let depth = profile.optical_depth(extent.1) - start;
+    let tr = profile.optical_depth(t) - start;
     let mut pdf = 0.0;
     for c in 0..S::CHANNELS {
-        let opacity = -(-profile.optical_depth(profile.t_end).channel(c)).exp_m1();
+        let opacity = -(-depth.channel(c)).exp_m1();
         if opacity > 0.0 {
-            pdf += sigma.channel(c) * tr.channel(c) / opacity;
+            pdf += sigma.channel(c) * (-tr.channel(c)).exp() / opacity;
         }
     }
     pdf / S::CHANNELS as f32
 }
 
-/// A distance by free flight in a channel chosen by the sample.
-fn flight_distance<S: Spectrum>(profile: &Profile<S>, u: f32, sampler: &mut Sampler) -> f32 {
+/// A distance within `extent` by free flight in a channel chosen by the sample.
+fn flight_distance<S: Spectrum>(
+    profile: &Profile<S>,
+    extent: (f32, f32),
+    u: f32,
+    sampler: &mut Sampler,
+) -> f32 {
     let channel = if S::CHANNELS == 1 {
         0
     } else {
         sampler.rng.below(S::CHANNELS as u32) as usize
     };
-    let opacity = -(-profile.optical_depth(profile.t_end).channel(channel)).exp_m1();
-    profile.distance_at(-(-u * opacity).ln_1p(), channel)
+    let start = profile.optical_depth(extent.0).channel(channel);
+    let depth = profile.optical_depth(extent.1).channel(channel) - start;
+    let opacity = -(-depth).exp_m1();
+    let t = profile.distance_at(start - (-u * opacity).ln_1p(), channel);
+    t.clamp(extent.0, extent.1)
 }
 
 /// The angles under which a local light sees the ends of a stretch of the ray.
@@ -186,31 +303,29 @@ impl Equiangular {
     }
 }
 
-/// One distance for one light, by either density with even odds if the light is local.
+/// One distance for one light, by angle or by free flight; each gets half of the samples if the
+/// light is local.
 fn one_sample<S: Spectrum>(
     world: &World<S>,
-    light: &Light<S>,
+    reach: &Reach<'_, S>,
     (ray, inside): (&Ray, &Inside),
     profile: &Profile<S>,
-    u: f32,
+    (u, by_angle): (f32, bool),
     sampler: &mut Sampler,
 ) -> S {
-    let extent = profile.extent();
-    let equiangular = light
-        .position()
-        .and_then(|p| Equiangular::new(ray, p, extent));
-    let (t, pdf) = match equiangular {
+    let (light, extent) = (reach.light, reach.extent);
+    let (t, pdf) = match &reach.angles {
         None => {
-            let t = flight_distance(profile, u, sampler);
-            (t, flight_pdf(profile, t))
+            let t = flight_distance(profile, extent, u, sampler);
+            (t, flight_pdf(profile, extent, t))
         }
         Some(angles) => {
-            let t = if sampler.uniform() < 0.5 {
+            let t = if by_angle {
                 angles.sample(u).clamp(extent.0, extent.1)
             } else {
-                flight_distance(profile, u, sampler)
+                flight_distance(profile, extent, u, sampler)
             };
-            (t, 0.5 * (flight_pdf(profile, t) + angles.pdf(t)))
+            (t, 0.5 * (flight_pdf(profile, extent, t) + angles.pdf(t)))
         }
     };
     if !(pdf > 0.0 && pdf.is_finite()) {

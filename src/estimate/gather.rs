@@ -1,14 +1,11 @@
 //! Photons in media along a ray of any origin: by the beam estimate or by the point estimate.
 
-use crate::estimate::beam;
+use crate::estimate::beam::{self, Stretch};
 use crate::estimate::kernel::Kernel;
 use crate::estimate::point::{PointMap, Sphere};
-use crate::march::Profile;
 use crate::photon::Heading;
 use crate::photon::map::PhotonMap;
-use crate::ray::Ray;
 use crate::spectrum::Spectrum;
-use crate::surface::Inside;
 use crate::tracking::Sampler;
 use crate::world::World;
 
@@ -31,33 +28,26 @@ impl<S: Spectrum, H: Heading> MediaPhotons<'_, S, H> {
         }
     }
 
-    /// Radiance along a ray inside the objects `inside`, whose media `profile` holds: of first
-    /// order, and of higher ones. \[W/(m2 sr)\]
+    /// Radiance along a stretch: of first order, and of higher ones. \[W/(m2 sr)\]
     pub fn radiance(
         &self,
         world: &World<S>,
-        ray: &Ray,
-        inside: &Inside,
-        profile: &Profile<S>,
+        stretch: &Stretch<'_, S>,
         sphere: &mut Sphere,
         sampler: &mut Sampler,
     ) -> [S; 2] {
-        let compartment = world.compartment(inside);
         match self {
             Self::Beam(maps, kernel) => maps.each_ref().map(|map| {
-                beam::radiance(
-                    *kernel,
-                    &world.media,
-                    map,
-                    profile,
-                    ray,
-                    compartment,
-                    &mut sampler.counters,
-                )
+                beam::radiance(*kernel, &world.media, map, stretch, &mut sampler.counters)
             }),
-            Self::Point(map) => {
-                map.radiance(&world.media, compartment, profile, ray, sphere, sampler)
-            }
+            Self::Point(map) => map.radiance(
+                &world.media,
+                stretch.compartment,
+                stretch.profile,
+                stretch.ray,
+                sphere,
+                sampler,
+            ),
         }
     }
 }

@@ -14,6 +14,7 @@
 //! | `emission` | light emitted along the ray |
 //! | `chain` | beyond the first surface: what a hit sends back, mirrors and lenses |
 //! | `kernel` | kernels |
+//! | `wall` | kernels cut where surfaces end the ray |
 //!
 //! All read one optical-depth profile of the ray (`march`).
 
@@ -25,3 +26,4 @@ pub mod gather;
 pub mod kernel;
 pub mod point;
 pub mod tiles;
+pub mod wall;

@@ -32,6 +32,7 @@ use wide::f32x8;
 use crate::camera::Camera;
 use crate::estimate::beam::contribution;
 use crate::estimate::kernel::Kernel;
+use crate::estimate::wall::Wall;
 use crate::march::{OnlyMedium, Profile};
 use crate::math::exp8;
 use crate::medium::Medium;
@@ -254,6 +255,8 @@ pub struct TileRays<S, H> {
     pub rays: Vec<Ray>,
     /// Profiles of the rays.
     pub profiles: Vec<Profile<S>>,
+    /// What each ray ends on.
+    pub walls: [Wall; TILE_RAYS],
     direction: [[f32x8; 8]; 3],
     /// Distance at which the first medium begins: photons before it light nothing.
     t_start: [f32x8; 8],
@@ -284,6 +287,7 @@ impl<S: Spectrum, H: Heading> Default for TileRays<S, H> {
                 TILE_RAYS
             ],
             profiles: (0..TILE_RAYS).map(|_| Profile::default()).collect(),
+            walls: [Wall::NONE; TILE_RAYS],
             direction: [[f32x8::ZERO; 8]; 3],
             t_start: [f32x8::ZERO; 8],
             t_end: [[f32x8::ZERO; 8]; CLASSES],
@@ -440,6 +444,11 @@ impl<S: Spectrum, H: Heading> TileRays<S, H> {
                     let lane = lanes.trailing_zeros() as usize & 7;
                     lanes &= lanes - 1;
                     let ray = 8 * row + lane;
+                    let (radius, position) = (near.photon.radius, near.photon.position);
+                    let cut = self.walls[ray].weight(self.kernel, t[lane], radius, position);
+                    if cut == 0.0 {
+                        continue;
+                    }
                     // Most are of the first class, and none of those beyond its end.
                     let passed = self.ends[ray][..class]
                         .iter()
@@ -449,7 +458,7 @@ impl<S: Spectrum, H: Heading> TileRays<S, H> {
                         near: index as u32,
                         t: t[lane],
                         d2: d2[lane],
-                        weight: f32::from_bits((127 + passed as u32) << 23),
+                        weight: cut * f32::from_bits((127 + passed as u32) << 23),
                     });
                 }
             }

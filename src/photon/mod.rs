@@ -119,7 +119,7 @@ pub struct Photons<S, H> {
     pub first: Vec<Photon<S, H>>,
     /// Deposits of all higher orders.
     pub higher: Vec<Photon<S, H>>,
-    /// Arrivals on diffuse surfaces after at least one scattering event.
+    /// Arrivals on diffuse surfaces after at least one scattering event, or straight from a medium.
     pub surface: Vec<SurfacePhoton<S>>,
     /// Photons emitted: the count that normalises.
     pub emitted: u64,
@@ -272,9 +272,10 @@ fn trace_one<S: Spectrum, H: Heading>(
         std::array::from_fn(|d| unit(shift[d].wrapping_add(KRONECKER[d].wrapping_mul(index + 1))));
     let light = &world.lights[which];
     let emitted = match (light, &world.surfaces) {
-        (Light::Emitter { index, .. }, Some(surfaces)) => {
-            Light::emit_from_object(surfaces, *index, &world.target, u, &mut sampler.rng)
+        (Light::Emitter(emitter), Some(surfaces)) => {
+            emitter.emit(surfaces, &world.target, u, &mut sampler.rng)
         }
+        (Light::Glow(glow), _) => glow.emit(world, u, &mut sampler.rng),
         _ => light.emit(&world.target, u, &mut sampler.rng),
     };
     let Some(Emitted { ray, power }) = emitted else {
@@ -285,7 +286,7 @@ fn trace_one<S: Spectrum, H: Heading>(
     let counts = &mut sampler.counters.effects;
     counts.sky += u64::from(light.is_sky());
     counts.coloured += u64::from(S::CHANNELS > 1);
-    let keep_first = settings.direct == Direct::Photons || light.is_sky();
+    let keep_first = settings.direct == Direct::Photons || !light.is_sampled();
     Flight {
         world,
         ray,
@@ -293,6 +294,7 @@ fn trace_one<S: Spectrum, H: Heading>(
         hero: Hero::choose(&mut sampler.rng),
         inside: world.light_inside[which],
         order: 0,
+        straight: light.is_glow(),
         left: sampler.uniform(),
     }
     .follow(settings, keep_first, &mut sampler, out);
@@ -312,6 +314,8 @@ struct Flight<'a, S> {
     inside: Inside,
     /// Scattering events so far.
     order: u32,
+    /// Kept where it meets a diffuse surface straight from its light.
+    straight: bool,
     /// Integral of the rate of deposits up to the next one.
     left: f32,
 }
@@ -436,7 +440,7 @@ impl<S: Spectrum> Flight<'_, S> {
         let bsdf = surfaces.bsdf(hit);
         let arriving = self.power * self.hero.weight();
         let stays = f64::from(arriving.mean());
-        if keep && self.order > 0 && bsdf.is_diffuse() && !bsdf.is_black() {
+        if keep && (self.order > 0 || self.straight) && bsdf.is_diffuse() && !bsdf.is_black() {
             out.surface.push(SurfacePhoton {
                 position: hit.position,
                 normal: if hit.front { hit.normal } else { -hit.normal },

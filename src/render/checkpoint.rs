@@ -271,7 +271,11 @@ fn fingerprints(scene: &Scene) -> Result<[u64; PARTS.len()], CheckpointError> {
         files.push(std::mem::take(&mut volume.file));
     }
     for light in &mut scene.lights {
-        if let Light::SkyImage { file, .. } = light {
+        if let Light::SkyImage { file, .. }
+        | Light::Spot {
+            image: Some(file), ..
+        } = light
+        {
             files.push(std::mem::take(file));
         }
     }

@@ -86,9 +86,9 @@ pub enum RenderError {
     /// A volume cannot be loaded.
     #[error(transparent)]
     Volume(#[from] crate::grid::load::LoadError),
-    /// An object cannot be loaded.
+    /// An object or a light cannot be loaded.
     #[error(transparent)]
-    Surface(#[from] crate::surface::SurfaceError),
+    World(#[from] crate::world::WorldError),
     /// No thread pool.
     #[error("cannot start {threads} threads: {reason}")]
     Threads {
@@ -97,15 +97,12 @@ pub enum RenderError {
         /// Why not.
         reason: String,
     },
-    /// Something that this version does not render.
-    #[error("{0}")]
-    Unsupported(String),
 }
 
 /// Renders a scene.
 ///
 /// # Errors
-/// [`RenderError`]: a volume that cannot be read, or what this version does not render.
+/// [`RenderError`]: a volume, an object or a light that cannot be read.
 pub fn render(scene: &Scene, exec: &Exec<'_>) -> Result<Rendered, RenderError> {
     render_kept(scene, exec, None)
 }
@@ -113,7 +110,7 @@ pub fn render(scene: &Scene, exec: &Exec<'_>) -> Result<Rendered, RenderError> {
 /// Renders a scene, going on from a checkpoint and keeping its state in it.
 ///
 /// # Errors
-/// [`RenderError`]: a volume that cannot be read, or what this version does not render.
+/// [`RenderError`]: a volume, an object or a light that cannot be read.
 pub fn render_kept(
     scene: &Scene,
     exec: &Exec<'_>,
@@ -134,7 +131,6 @@ pub fn render_told(
 ) -> Result<Rendered, RenderError> {
     pool(exec)?.install(|| {
         let start = Instant::now();
-        check_supported(scene)?;
         exec.progress.stage("load", None);
         let volumes = load_volumes(scene, exec.warn)?;
         let load = start.elapsed().as_secs_f64();
@@ -148,14 +144,13 @@ pub fn render_told(
 /// their files are not looked at.
 ///
 /// # Errors
-/// [`RenderError`]: what this version does not render.
+/// [`RenderError`]: an object or a light that cannot be read.
 pub fn render_loaded(
     scene: &Scene,
     volumes: Vec<LoadedVolume>,
     exec: &Exec<'_>,
 ) -> Result<Rendered, RenderError> {
     pool(exec)?.install(|| {
-        check_supported(scene)?;
         let beside = Beside {
             keep: None,
             watch: &mut unwatched,
@@ -218,7 +213,6 @@ pub fn render_watched(
     watch: &mut dyn Watch,
 ) -> Result<Rendered, RenderError> {
     pool(exec)?.install(|| {
-        check_supported(scene)?;
         let beside = Beside { keep: None, watch };
         planned(scene, volumes, exec, Instant::now(), beside)
     })
@@ -320,11 +314,10 @@ fn in_form(
 /// The effect plan of a scene and what its stages should cost, without rendering it.
 ///
 /// # Errors
-/// [`RenderError`]: a volume that cannot be read, or what this version does not render.
+/// [`RenderError`]: a volume, an object or a light that cannot be read.
 pub fn plan(scene: &Scene, exec: &Exec<'_>) -> Result<(EffectPlan, Forecast), RenderError> {
     pool(exec)?.install(|| {
         let start = Instant::now();
-        check_supported(scene)?;
         let volumes = load_volumes(scene, exec.warn)?;
         let load = start.elapsed().as_secs_f64();
         plan_loaded(scene, volumes, exec).map(|(plan, mut forecast)| {
@@ -337,7 +330,7 @@ pub fn plan(scene: &Scene, exec: &Exec<'_>) -> Result<(EffectPlan, Forecast), Re
 /// As [`plan`], of volumes that are in memory already.
 ///
 /// # Errors
-/// [`RenderError`]: what this version does not render.
+/// [`RenderError`]: an object or a light that cannot be read.
 pub fn plan_loaded(
     scene: &Scene,
     volumes: Vec<LoadedVolume>,
@@ -362,20 +355,6 @@ pub fn plan_loaded(
         }),
     }?;
     Ok((plan, forecast))
-}
-
-/// Refuses, by name, what this version does not render.
-fn check_supported(scene: &Scene) -> Result<(), RenderError> {
-    if scene
-        .lights
-        .iter()
-        .any(|l| matches!(l, crate::scene::Light::SkyImage { .. }))
-    {
-        return Err(RenderError::Unsupported(
-            "sky light: pictures of the sky are not rendered yet".to_owned(),
-        ));
-    }
-    Ok(())
 }
 
 /// What the passes share.

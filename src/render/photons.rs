@@ -7,10 +7,12 @@ use rayon::prelude::*;
 use super::camera::{Sum, camera_ray};
 use super::pilot::Radii;
 use super::{Gathered, Job, Tally};
+use crate::estimate::beam::Stretch;
 use crate::estimate::chain::{Chain, Link, Scratch};
 use crate::estimate::gather::MediaPhotons;
 use crate::estimate::point::PointMap;
 use crate::estimate::tiles::{BandTiles, Bands, TILE, TILE_RAYS, TileRays};
+use crate::estimate::wall::Wall;
 use crate::film::Sample;
 use crate::photon::map::PhotonMap;
 use crate::photon::radius::radius_scale;
@@ -291,6 +293,7 @@ impl<'a, S: Spectrum, H: Heading> Band<'a, S, H> {
                 let (ray, profile) = (&mut rays.rays[i], &mut rays.profiles[i]);
                 let sum = &mut sum[i];
                 let hit = camera_ray(job, pixel, (ray, profile), sum, lens.as_mut(), &mut sampler);
+                rays.walls[i] = hit.map_or(Wall::NONE, |hit| Wall::new(&rays.rays[i], &hit, hit.t));
                 if let (Some(chain), Some(hit)) = (&self.chain, hit) {
                     let tr = rays.profiles[i].transmittance;
                     let link = Link::first(job.world, &rays.rays[i], hit, tr);
@@ -299,11 +302,15 @@ impl<'a, S: Spectrum, H: Heading> Band<'a, S, H> {
                         .add_to(&mut sum.sample);
                 }
                 if let (Some(photons), None) = (&gather.alone, &gather.tiles) {
+                    let stretch = Stretch {
+                        ray: &rays.rays[i],
+                        profile: &rays.profiles[i],
+                        compartment,
+                        walls: [Wall::NONE, rays.walls[i]],
+                    };
                     let found = photons.radiance(
                         job.world,
-                        &rays.rays[i],
-                        &job.world.camera_inside,
-                        &rays.profiles[i],
+                        &stretch,
                         &mut self.scratch.sphere,
                         &mut sampler,
                     );

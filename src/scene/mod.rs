@@ -259,7 +259,7 @@ pub enum Light {
         /// Radiance.
         radiance: Rgb,
     },
-    /// Lat-long picture from everywhere.
+    /// Lat-long picture from everywhere: its middle toward -z, its top toward +y.
     SkyImage {
         /// EXR file.
         file: PathBuf,
@@ -285,6 +285,8 @@ pub enum Light {
         cone_angle: f64,
         /// Width of the soft edge inside the cone. \[degrees\]
         penumbra: f64,
+        /// PNG that filters its light.
+        image: Option<PathBuf>,
     },
     /// A one-sided parallelogram; emits along `edge_u` x `edge_v`.
     Quad {
@@ -294,6 +296,17 @@ pub enum Light {
         edge_u: DVec3,
         /// \[m\]
         edge_v: DVec3,
+        /// \[W/(m2 sr)\]
+        radiance: Rgb,
+    },
+    /// A one-sided disk.
+    Disk {
+        /// \[m\]
+        center: DVec3,
+        /// Of the side that emits.
+        normal: DVec3,
+        /// \[m\]
+        radius: f64,
         /// \[W/(m2 sr)\]
         radiance: Rgb,
     },

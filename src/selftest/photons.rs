@@ -205,9 +205,12 @@ pub(super) fn gather(
             Kernel::Biweight,
             &world.media,
             &map,
-            profile,
-            ray,
-            0,
+            &beam::Stretch {
+                ray,
+                profile,
+                compartment: 0,
+                walls: [crate::estimate::wall::Wall::NONE; 2],
+            },
             nothing,
         )
     });

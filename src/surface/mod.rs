@@ -45,13 +45,13 @@ pub use error::{SurfaceError, SurfaceWarning};
 pub use hit::Hit;
 pub use interior::Inside;
 pub use mesh::{Mesh, MeshError};
+pub(crate) use texture::Texture;
 pub use texture::TextureError;
 
 use bsdf::Lobe;
 use build::Builder;
 use ggx::Ggx;
 use hierarchy::{Hierarchy, Primitive, Ray, normal};
-use texture::Texture;
 
 use crate::scene::{Material, Object, Optics, Rgb};
 

@@ -1,4 +1,4 @@
-//! Pictures put on surfaces: reflectance as a function of texture coordinates.
+//! Pictures put on surfaces: reflectance as a function of texture coordinates; and before spots.
 //!
 //! Texels are decoded from sRGB (IEC 61966-2-1) to linear once, at load:
 //! `c = s / 12.92` for `s <= 0.04045`, `((s + 0.055) / 1.055)^2.4` above.
@@ -14,7 +14,7 @@ use crate::scene::Rgb;
 
 /// A picture in linear RGB.
 #[derive(Debug)]
-pub(super) struct Texture {
+pub(crate) struct Texture {
     width: usize,
     height: usize,
     texels: Vec<Rgb>,
@@ -49,7 +49,7 @@ impl Texture {
     }
 
     /// Reads a PNG of any kind.
-    pub(super) fn load(file: &Path) -> Result<Self, TextureError> {
+    pub(crate) fn load(file: &Path) -> Result<Self, TextureError> {
         let opened = std::fs::File::open(file).map_err(|source| TextureError::Io {
             file: file.into(),
             source,
@@ -90,7 +90,7 @@ impl Texture {
     }
 
     /// Bilinear value, repeating.
-    pub(super) fn at(&self, uv: Vec2) -> Rgb {
+    pub(crate) fn at(&self, uv: Vec2) -> Rgb {
         let axis = |t: f32, n: usize| {
             let x = t.rem_euclid(1.0) * n as f32 - 0.5;
             let low = x.floor();

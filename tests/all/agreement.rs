@@ -7,9 +7,10 @@
 
 use glam::{DVec3, IVec3, Vec3};
 
-use vpm_vdb::estimate::beam;
+use vpm_vdb::estimate::beam::{self, Stretch};
 use vpm_vdb::estimate::kernel::Kernel;
 use vpm_vdb::estimate::tiles::{Bands, TILE, TILE_RAYS, TileGrid, TileRays};
+use vpm_vdb::estimate::wall::Wall;
 use vpm_vdb::film::Film;
 use vpm_vdb::grid::Grid;
 use vpm_vdb::march::Profile;
@@ -73,6 +74,7 @@ pub(crate) fn lights() -> Vec<(&'static str, Vec<Light>)> {
                 power: Rgb::splat(4000.0),
                 cone_angle: 20.0,
                 penumbra: 5.0,
+                image: None,
             }],
         ),
         (
@@ -92,7 +94,42 @@ pub(crate) fn lights() -> Vec<(&'static str, Vec<Light>)> {
                 radiance: Rgb::splat(10.0),
             }],
         ),
+        (
+            "disk",
+            vec![Light::Disk {
+                center: at,
+                normal: DVec3::new(-0.3, -1.0, -0.1).normalize(),
+                radius: 8.0,
+                radiance: Rgb::splat(10.0),
+            }],
+        ),
+        ("spots and a disk, more than are all sampled", many()),
     ]
+}
+
+/// Six lights, spots among them whose narrow cones miss most rays.
+fn many() -> Vec<Light> {
+    let mut lights: Vec<Light> = (0..5)
+        .map(|i| {
+            let turn = f64::from(i) * 1.3;
+            let position = DVec3::new(40.0 * turn.cos(), 20.0 - 6.0 * turn, 40.0 * turn.sin());
+            Light::Spot {
+                position,
+                direction: -position.normalize(),
+                power: Rgb::splat(1000.0 + 700.0 * i as f32),
+                cone_angle: 5.0 + 2.0 * f64::from(i),
+                penumbra: 2.0,
+                image: None,
+            }
+        })
+        .collect();
+    lights.push(Light::Disk {
+        center: DVec3::new(-12.0, 28.0, 0.0),
+        normal: DVec3::new(0.5, -1.0, 0.0).normalize(),
+        radius: 3.0,
+        radiance: Rgb::splat(20.0),
+    });
+    lights
 }
 
 /// Means of 8 x 8 blocks and, last, of the whole picture, with the variances of independent pixels.
@@ -456,9 +493,12 @@ fn check_gathers<S: Spectrum, H: Heading>(scene: &Scene, grids: &[&Grid]) {
                     Kernel::Biweight,
                     &world.media,
                     &map,
-                    &profile,
-                    &ray,
-                    0,
+                    &Stretch {
+                        ray: &ray,
+                        profile: &profile,
+                        compartment: 0,
+                        walls: [Wall::NONE; 2],
+                    },
                     &mut counts[1],
                 );
                 worst = worst.max(difference(hierarchy, *plain, *height));

@@ -8,6 +8,7 @@ mod film_image;
 mod furnace;
 mod grid;
 mod grid_values;
+mod lights;
 mod main_job;
 mod point;
 mod resume;

@@ -433,11 +433,11 @@ fn one_fault_each() {
         ),
         (
             "[[light]]\nlamp = {}",
-            "`lamp` is no choice for `light`; possible: sun, sky, point, spot, quad, sphere",
+            "`lamp` is no choice for `light`; possible: sun, sky, point, spot, quad, disk, sphere",
         ),
         (
             "[[light]]\nsky = { radiance = 1 }\nsun = {}",
-            "`light` takes exactly one of: sun, sky, point, spot, quad, sphere; found: sky, sun",
+            "`light` takes exactly one of: sun, sky, point, spot, quad, disk, sphere; found: sky, sun",
         ),
         (
             "[[light]]\nquad = { corner = [0, 0, 0], edge_u = [1, 0, 0], edge_v = [-2, 0, 0], radiance = 1 }",

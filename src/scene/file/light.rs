@@ -3,10 +3,11 @@
 //! | kind | keys |
 //! |---|---|
 //! | `sun` | `direction`; `irradiance` colour on a facing surface \[W/m2\]; `angular_diameter` \[degrees\] 0 to 180, default 0.53, 0 is a delta direction |
-//! | `sky` | `radiance` colour \[W/(m2 sr)\]; or `file` lat-long .exr and `scale`, default 1 |
+//! | `sky` | `radiance` colour \[W/(m2 sr)\]; or `file` lat-long .exr (middle toward -z, top toward +y) and `scale`, default 1 |
 //! | `point` | `position` \[m\]; `power` colour \[W\] |
-//! | `spot` | `position`, `look_at` \[m\]; `power` colour \[W\]; `cone_angle` half angle \[degrees\] above 0 to 180; `penumbra` soft edge inside the cone \[degrees\], default 0 |
+//! | `spot` | `position`, `look_at` \[m\]; `power` colour \[W\]; `cone_angle` half angle \[degrees\] above 0 to 180; `penumbra` soft edge inside the cone \[degrees\], default 0; `image` .png that filters its light, a square around the cone |
 //! | `quad` | `corner`, `edge_u`, `edge_v` \[m\]; `radiance` colour \[W/(m2 sr)\]; emits along `edge_u` x `edge_v` |
+//! | `disk` | `center` \[m\]; `normal`; `radius` \[m\] above 0; `radiance` colour \[W/(m2 sr)\]; emits along `normal` |
 //! | `sphere` | `center` \[m\]; `radius` \[m\] above 0; `radiance` colour \[W/(m2 sr)\] |
 
 use super::{ball, quad};
@@ -15,7 +16,7 @@ use crate::scene::keys::{FROM_0, Item, Keys, Limits};
 
 /// Reads one light.
 pub(super) fn light(v: &Item<'_>) -> Option<Light> {
-    let kinds = ["sun", "sky", "point", "spot", "quad", "sphere"];
+    let kinds = ["sun", "sky", "point", "spot", "quad", "disk", "sphere"];
     v.tagged(&kinds, |kind, v| {
         v.table(|t| match kind {
             "sun" => sun(t),
@@ -37,6 +38,18 @@ pub(super) fn light(v: &Item<'_>) -> Option<Light> {
                     corner,
                     edge_u,
                     edge_v,
+                    radiance: radiance?,
+                })
+            }
+            "disk" => {
+                let ball = ball(t);
+                let normal = t.need("normal", Item::direction);
+                let radiance = t.need("radiance", |v| v.colour(FROM_0));
+                let (center, radius) = ball?;
+                Some(Light::Disk {
+                    center,
+                    normal: normal?.normalize(),
+                    radius,
                     radiance: radiance?,
                 })
             }
@@ -93,6 +106,7 @@ fn spot(t: &Keys<'_>) -> Option<Light> {
     let angle = Limits(|v| v > 0.0 && v <= 180.0, "above 0, to 180");
     let cone_angle = t.need("cone_angle", |v| v.number(angle));
     let penumbra = t.may("penumbra", |v| v.number(FROM_0)).unwrap_or(0.0);
+    let image = t.may("image", Item::file);
     let (position, cone_angle) = (position?, cone_angle?);
     let axis = look_at? - position;
     if !axis.length_squared().is_normal() {
@@ -112,5 +126,6 @@ fn spot(t: &Keys<'_>) -> Option<Light> {
         power: power?,
         cone_angle,
         penumbra,
+        image,
     })
 }

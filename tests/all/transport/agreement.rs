@@ -148,6 +148,69 @@ fn milk_in_an_interface_and_rough_metal() {
     });
 }
 
+/// At 6000 K, where paths that find the flames by chance find all of them alike bright: at 1500 K a
+/// few voxels shine for all others, and no affordable number of paths has seen them.
+#[test]
+fn a_fire_lights_floor_and_mist() {
+    agree(&Case {
+        name: "fire",
+        text: joined(&[
+            FLOOR,
+            "[[fog]]\nbox = { min = [-1.5, 0.05, -1], max = [1.5, 1.8, 1] }\nextinction = 0.3\nalbedo = 0.9\n\
+            [[object]]\nshape = { sphere = { center = [0.9, 0.5, 0.2], radius = 0.4 } }\nmaterial = { diffuse = { reflectance = 0.7 } }\n\
+            [[volume]]\nextinction = 25.0\nalbedo = 0.3\n\
+            emission = { blackbody = { scale = 6000.0 } }\ntransform = { scale = 1.6, translate = [-0.4, 0.1, 0] }\nfile = \"../volumes/fire.vdb\"\n",
+        ]),
+        bias: 0.04,
+        spp: 96,
+        methods: &["beam"],
+    });
+}
+
+#[test]
+fn a_picture_of_the_sky_lights_floor_and_smoke() {
+    agree(&Case {
+        name: "sky picture",
+        text: joined(&[
+            FLOOR,
+            "[[fog]]\nbox = { min = [-0.7, 0.4, -0.7], max = [0.7, 1.6, 0.7] }\nextinction = 3.0\nalbedo = 0.9\n\
+            [[light]]\nsky = { scale = 2.0, file = \"skies/sunset.exr\" }\n",
+        ]),
+        bias: 0.02,
+        spp: 64,
+        methods: &["beam"],
+    });
+}
+
+/// Rows of black and white, and a red corner: what the photons bring and what is sampled have to
+/// show the same slide the same way round.
+#[test]
+fn a_slide_before_a_spot() {
+    let folder = tempfile::tempdir().expect("a folder for the slide");
+    let slide = folder.path().join("slide.png");
+    let pixels: Vec<u8> = (0..16 * 16)
+        .flat_map(|i| match (i % 16, i / 16) {
+            (0..6, 0..6) => [255, 30, 0],
+            (_, y) if y % 4 < 2 => [255, 255, 255],
+            _ => [0, 0, 60],
+        })
+        .collect();
+    vpm_vdb::image::write_rgb8(&slide, 16, 16, &pixels).expect("the slide can be written");
+    agree(&Case {
+        name: "slide",
+        text: joined(&[
+            FLOOR,
+            "[[fog]]\nbox = { min = [-1.2, 0.02, -1.2], max = [1.2, 1.6, 1.2] }\nextinction = 1.0\nalbedo = 0.9\n\
+            [[light]]\nspot = { position = [1, 4, 1], look_at = [0, 0.4, 0], power = 60, cone_angle = 18, image = ",
+            &format!("{slide:?}"),
+            " }\n",
+        ]),
+        bias: 0.03,
+        spp: 64,
+        methods: &["beam"],
+    });
+}
+
 /// Scene texts, one after the other.
 fn joined(parts: &[&str]) -> &'static str {
     parts.concat().leak()
