@@ -111,8 +111,7 @@ impl Bounds {
     /// Where a line enters and leaves, given one over its direction; the other way round if it
     /// misses.
     #[inline]
-    #[must_use]
-    pub fn crossing(&self, origin: Vec3, inverse: Vec3) -> (f32, f32) {
+    fn crossing(&self, origin: Vec3, inverse: Vec3) -> (f32, f32) {
         let (mut enter, mut exit) = (f32::NEG_INFINITY, f32::INFINITY);
         for axis in 0..3 {
             let o = origin[axis];

@@ -16,6 +16,7 @@
 //! its three axes, whatever rounding does to t.
 
 use glam::{IVec3, UVec3, Vec3};
+use wide::{f32x4, i32x4};
 
 use super::place::Place;
 use super::{BRICK, Grid, TABLE, TABLE_BRICKS, in_table, top_cell, top_index};
@@ -64,19 +65,18 @@ impl Cell {
         BOXED | pack(low) << 4 | pack(cells) << 16
     }
 
-    /// The box of a boxed brick with its corner at `corner`, wider by a margin.
+    /// True for a brick of which only a box is not empty.
     #[inline]
-    fn filled(self, corner: IVec3, margin: f32) -> Option<Bounds> {
-        if self.link & BOXED == 0 {
-            return None;
-        }
+    fn is_boxed(self) -> bool {
+        self.link & BOXED != 0
+    }
+
+    /// Lowest and highest corner of a boxed brick's box, from the brick's corner on.
+    #[inline]
+    fn filled(self) -> (i32x4, i32x4) {
         let field = |shift: u32| (self.link >> shift & 0xf) as i32;
-        let at = |shift| IVec3::new(field(shift + 8), field(shift + 4), field(shift));
-        let (low, high) = (at(4), at(4) + at(16));
-        Some(Bounds {
-            min: (corner + low).as_vec3() - margin,
-            max: (corner + high).as_vec3() + margin,
-        })
+        let at = |shift| i32x4::new([field(shift + 8), field(shift + 4), field(shift), 0]);
+        (at(4), at(4) + at(16))
     }
 }
 
@@ -179,14 +179,19 @@ impl MajorantGrid {
     #[must_use]
     pub fn segments(&self, ray: &Ray, t0: f32, t1: f32) -> Segments<'_> {
         let (t, t_end) = self.support.clip(ray, t0, t1).unwrap_or((t0, t0));
+        let four = |v: Vec3| f32x4::new([v.x, v.y, v.z, 0.0]);
         let inverse = reciprocal(ray.direction);
+        // 0 for what never reaches a face; the fourth lane is such an axis.
+        let inverse = four(inverse.map(|i| if i.is_finite() { i } else { 0.0 }));
         let highest = self.dims.as_ivec3() * TABLE - IVec3::ONE;
         let start = ray.at(t) * (1.0 / BRICK as f32);
         Segments {
             grid: self,
-            origin: ray.origin,
-            direction: ray.direction,
+            origin: four(ray.origin),
+            direction: four(ray.direction),
             inverse,
+            moves: inverse.simd_ne(f32x4::ZERO),
+            up: bytemuck::cast(inverse.simd_gt(f32x4::ZERO)),
             margin: MARGIN.max(ray.origin.abs().max_element() * MARGIN_PER_VOXEL),
             t,
             t_end,
@@ -198,19 +203,47 @@ impl MajorantGrid {
     }
 }
 
-/// Iterator over the [`MajorantSegment`]s of a ray.
+/// Iterator over the [`MajorantSegment`]s of a ray; all axes are stepped at a time and by masks,
+/// since which one it is cannot be guessed.
 #[derive(Debug, Clone)]
 pub struct Segments<'a> {
     grid: &'a MajorantGrid,
-    origin: Vec3,
-    direction: Vec3,
-    inverse: Vec3,
+    origin: f32x4,
+    direction: f32x4,
+    /// One over the direction; 0 where no face is ever reached.
+    inverse: f32x4,
+    /// Set where faces are reached.
+    moves: f32x4,
+    /// Set where the ray goes up.
+    up: i32x4,
     /// What boxes are widened by. \[voxels\]
     margin: f32,
     t: f32,
     t_end: f32,
     /// Brick that the walk is in.
     brick: IVec3,
+}
+
+impl Segments<'_> {
+    /// Where the ray enters and leaves the box of a brick; the other way round if it misses.
+    #[inline]
+    fn crossing(&self, corner: i32x4, cell: Cell) -> (f32, f32) {
+        let (low, high) = cell.filled();
+        let low = f32x4::from_i32x4(corner + low) - f32x4::splat(self.margin);
+        let high = f32x4::from_i32x4(corner + high) + f32x4::splat(self.margin);
+        let a = (low - self.origin) * self.inverse;
+        let b = (high - self.origin) * self.inverse;
+        let infinity = f32x4::splat(f32::INFINITY);
+        // An axis that is not moved along decides all or nothing.
+        let outside = self.origin.simd_lt(low) | self.origin.simd_gt(high);
+        let never = outside.bitselect(infinity, -infinity);
+        let enter = self.moves.bitselect(a.fast_min(b), never).to_array();
+        let leave = self.moves.bitselect(a.fast_max(b), -never).to_array();
+        (
+            enter[0].max(enter[1]).max(enter[2]),
+            leave[0].min(leave[1]).min(leave[2]),
+        )
+    }
 }
 
 impl Iterator for Segments<'_> {
@@ -222,42 +255,30 @@ impl Iterator for Segments<'_> {
             return None;
         }
         let cell = self.grid.cell(self.brick)?;
-        let size = 1i32 << cell.level();
-        let low = self.brick & IVec3::splat(-size);
-        let high = low + IVec3::splat(size);
+        let size = i32x4::splat(1 << cell.level());
+        let brick = i32x4::new([self.brick.x, self.brick.y, self.brick.z, 0]);
+        let low = brick & -size;
+        let high = low + size;
         // The face by which the ray leaves the cell.
-        let mut exit = f32::INFINITY;
-        let mut axis = 3;
-        for a in 0..3 {
-            if self.inverse[a].is_infinite() {
-                continue;
-            }
-            let face = if self.inverse[a] > 0.0 {
-                high[a]
-            } else {
-                low[a]
-            } * BRICK;
-            let t = (face as f32 - self.origin[a]) * self.inverse[a];
-            if t < exit {
-                exit = t;
-                axis = a;
-            }
-        }
+        let faces = f32x4::from_i32x4(self.up.bitselect(high, low) << 3);
+        let infinity = f32x4::splat(f32::INFINITY);
+        let meets = (faces - self.origin) * self.inverse;
+        let meets = self.moves.bitselect(meets, infinity);
+        let [x, y, z, _] = meets.to_array();
+        let exit = x.min(y).min(z);
         let mut segment = MajorantSegment {
             t_min: self.t,
             t_max: exit.clamp(self.t, self.t_end),
             majorant: cell.majorant,
             minorant: cell.minorant,
         };
-        if let Some(filled) = cell.filled(low * BRICK, self.margin) {
-            let (enter, leave) = filled.crossing(self.origin, self.inverse);
+        if cell.is_boxed() {
+            let (enter, leave) = self.crossing(low << 3, cell);
             if enter < leave && self.t < enter && enter < segment.t_max {
                 segment.t_max = enter;
             }
             if self.t >= enter && self.t < leave {
-                if leave < segment.t_max {
-                    segment.t_max = leave;
-                }
+                segment.t_max = segment.t_max.min(leave);
             } else {
                 (segment.minorant, segment.majorant) = (0.0, 0.0);
             }
@@ -268,18 +289,20 @@ impl Iterator for Segments<'_> {
             }
         }
         self.t = segment.t_max;
-        if axis < 3 {
-            // Inside the cell on the other axes, beyond it on this one.
-            let p = (self.origin + self.direction * self.t) * (1.0 / BRICK as f32);
-            self.brick = p.floor().as_ivec3().clamp(low, high - IVec3::ONE);
-            self.brick[axis] = if self.inverse[axis] > 0.0 {
-                high[axis]
-            } else {
-                low[axis] - 1
-            };
-        } else {
+        if exit == f32::INFINITY {
             self.t = self.t_end;
+            return Some(segment);
         }
+        // Inside the cell on the other axes, beyond it on this one.
+        let p = self.direction.mul_add(f32x4::splat(self.t), self.origin);
+        let p = (p * f32x4::splat(1.0 / BRICK as f32))
+            .floor()
+            .fast_trunc_int();
+        let inside = p.max(low).min(high - i32x4::ONE);
+        let beyond = self.up.bitselect(high, low - i32x4::ONE);
+        let left: i32x4 = bytemuck::cast(meets.simd_le(f32x4::splat(exit)));
+        let [x, y, z, _] = left.bitselect(beyond, inside).to_array();
+        self.brick = IVec3::new(x, y, z);
         Some(segment)
     }
 }
