@@ -12,6 +12,7 @@ mod lights;
 mod main_job;
 mod point;
 mod resume;
+mod scene_energy;
 mod scene_file;
 mod selftest;
 mod stats;

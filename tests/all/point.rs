@@ -277,11 +277,14 @@ fn colours_and_overlapping_media_agree_with_beams() {
             phase: Phase::Rayleigh,
         },
     });
-    beam.settings.photons = 100_000;
+    beam.settings.photons = 30_000;
+    beam.settings.passes = 16;
     beam.settings.neighbours = 20;
+    // A film tells its error by its passes: few of them, as many degrees of freedom.
+    let bound = t_bound(6, f64::from(beam.settings.passes - 1));
     for search in SEARCHES {
         let mut point = pointed(&beam, search);
-        point.settings.photons = 100_000;
+        point.settings.photons = 30_000;
         point.settings.passes = beam.settings.passes;
         point.settings.seed = 1;
         for channel in 0..3 {
@@ -293,10 +296,7 @@ fn colours_and_overlapping_media_agree_with_beams() {
                 "{search:?} channel {channel}: {a:.5?}, beam {b:.5?}, z {:.2}",
                 z(a, b)
             );
-            assert!(
-                z(a, b).abs() < z_bound(6),
-                "{search:?} {channel}: {a:?} {b:?}"
-            );
+            assert!(z(a, b).abs() < bound, "{search:?} {channel}: {a:?} {b:?}");
         }
     }
 }
