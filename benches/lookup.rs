@@ -115,7 +115,7 @@ const WAYS: [Way; 5] = [
         let mut count = 0;
         for ray in &w.rays {
             count += walk(g, &w.majorants, ray, 0.0, 1.0, |piece| {
-                sum += f64::from(piece.integral);
+                sum += piece.integral;
                 true
             });
         }

@@ -47,7 +47,7 @@ fn main() {
         for ray in &rays {
             let mut depth = 0.0;
             walk(&grid, &majorants, ray, 0.0, f32::INFINITY, |piece| {
-                depth += f64::from(piece.integral);
+                depth += piece.integral;
                 middles.push(ray.at(0.5 * (piece.t_min + piece.t_max)));
                 true
             });

@@ -100,7 +100,7 @@ fn whole_march(media: &[Medium<f32>], ray: &Ray, t_max: f32, sampler: &mut Sampl
         };
         sampler.counters.density_lookups +=
             vpm_vdb::grid::walk::walk(&field.grid, &field.majorants, ray, 0.0, t_max, |piece| {
-                depth += f64::from(medium.sigma_t * piece.integral);
+                depth += f64::from(medium.sigma_t) * piece.integral;
                 true
             });
     }

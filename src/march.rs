@@ -329,7 +329,7 @@ pub fn transmittance<S: Spectrum>(
                 field
                     .plateau
                     .pieces(&field.local_ray(ray), 0.0, t_max, |piece| {
-                        depth += f64::from(piece.integral);
+                        depth += piece.integral;
                         depth < f64::from(spent)
                     });
             }
@@ -341,7 +341,7 @@ pub fn transmittance<S: Spectrum>(
                     0.0,
                     t_max,
                     |piece| {
-                        depth += f64::from(piece.integral);
+                        depth += piece.integral;
                         depth < f64::from(spent)
                     },
                 );
@@ -430,7 +430,7 @@ impl<S: Spectrum> MediumProfile<S> {
                 density: first,
             });
         }
-        self.total += f64::from(piece.integral);
+        self.total += piece.integral;
         self.knots.push(Knot {
             t: piece.t_max,
             depth: self.total as f32,

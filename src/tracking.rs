@@ -488,7 +488,7 @@ pub fn transmittance<S: Spectrum>(
                         depth += piece.integral;
                         true
                     });
-                medium.sigma_t.map(|k| (-k * depth).exp())
+                medium.sigma_t.map(|k| (-k * depth as f32).exp())
             }
         };
         if tr.is_zero() {

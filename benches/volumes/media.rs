@@ -33,7 +33,7 @@ pub(crate) fn extinction(grid: &Grid) -> f32 {
         depth += piece.integral;
         true
     });
-    THICKNESS / depth
+    THICKNESS / depth as f32
 }
 
 /// A medium in the grid's own voxels, with bounds in these cells.

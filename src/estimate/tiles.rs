@@ -13,7 +13,7 @@
 //! photons and picture set: the result does not depend on how the work was split.
 //!
 //! A photon is listed once, 12 bytes, in the first band that it reaches, and again only beyond every
-//! [`SPAN`]th: a band looks through the lists of those above it.
+//! `SPAN`th: a band looks through the lists of those above it.
 //!
 //! Deep in a cloud a ray pierces many photons of which next to nothing is left. Each photon is of
 //! a class j with probability 2^-(j+1) (a hash of its index), and counts only where the ray's

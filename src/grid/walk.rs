@@ -30,7 +30,7 @@ pub struct Piece {
     /// Values at begin, middle and end.
     pub density: [f32; 3],
     /// Integral of the field over the piece, its ends as they were before they were rounded.
-    pub integral: f32,
+    pub integral: f64,
 }
 
 impl Piece {
@@ -42,7 +42,7 @@ impl Piece {
             t_min,
             t_max,
             density: [density; 3],
-            integral: density * (t_max - t_min),
+            integral: f64::from(density) * (f64::from(t_max) - f64::from(t_min)),
         }
     }
 
@@ -55,7 +55,7 @@ impl Piece {
             t_min,
             t_max,
             density,
-            integral: simpson(length, density.map(f64::from)) as f32,
+            integral: simpson(length, density.map(f64::from)),
         }
     }
 }
@@ -102,7 +102,7 @@ pub fn walk(
                     t_min: first.from as f32,
                     t_max: to as f32,
                     density: [value; 3],
-                    integral: (f64::from(value) * (to - first.from)) as f32,
+                    integral: f64::from(value) * (to - first.from),
                 };
                 if value != 0.0 && piece.t_min < piece.t_max && !visit(piece) {
                     return lookups;
@@ -133,7 +133,7 @@ pub fn walk(
                     t_min,
                     t_max,
                     density: [begin, middle, end].map(|v| v as f32),
-                    integral: integral as f32,
+                    integral,
                 };
                 if integral != 0.0 && !visit(piece) {
                     return lookups;

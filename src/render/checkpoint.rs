@@ -6,7 +6,7 @@
 //!
 //! Passes are independent and their random streams follow from seed and number, so the film after
 //! n passes and n are the whole state. A checkpoint is written beside the picture, whole or not at
-//! all (`atomic`), every [`SAVE_EVERY`] and when the render is stopped, and removed once the
+//! all (`atomic`), every `SAVE_EVERY` and when the render is stopped, and removed once the
 //! picture is done.
 //!
 //! Fingerprints say what it is a checkpoint of: the program's version, the settings that change a

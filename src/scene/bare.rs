@@ -193,7 +193,7 @@ fn extinction(grid: &Grid, camera: &Camera) -> f64 {
             };
             let mut depth = 0.0;
             walk(grid, &majorants, &local, 0.0, f32::INFINITY, |piece| {
-                depth += f64::from(piece.integral);
+                depth += piece.integral;
                 true
             });
             if depth > 0.0 {

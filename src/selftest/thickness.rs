@@ -29,9 +29,8 @@ const DECADES: std::ops::RangeInclusive<i32> = -8..=8;
 /// Relative error of an optical depth along one cell.
 const RELATIVE: f64 = 1e-5;
 
-/// Relative error of T down to 1e-30. The aim is 1e-5. A piece's values and its length are f32:
-/// some 2 eps of a depth of 69 over three pieces.
-const FAINT_RELATIVE: f64 = 5e-5;
+/// Relative error of T down to 1e-30.
+const FAINT_RELATIVE: f64 = 1e-5;
 
 /// Field look-ups of one transmittance, however thick the medium: roulette ends it some mean free
 /// paths of the majorant beyond T = 0.05.
@@ -65,7 +64,7 @@ fn walked(medium: &Medium<f32>, ray: &Ray) -> f64 {
         0.0,
         f32::INFINITY,
         |piece| {
-            depth += f64::from(piece.integral);
+            depth += piece.integral;
             true
         },
     );

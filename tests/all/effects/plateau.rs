@@ -103,7 +103,7 @@ fn a_plateau_is_the_field_of_its_grid() {
             let exact = Depth::new(&one, &local, f64::from(f32::MAX)).total();
             let mut sum = 0.0f64;
             plateau.pieces(&local, 0.0, f32::INFINITY, |piece| {
-                sum += f64::from(piece.integral);
+                sum += piece.integral;
                 true
             });
             // Ends of pieces are f32, as far from 0 as the ray starts and the box is long.
