@@ -301,7 +301,7 @@ fn rows() -> Vec<Row> {
     };
     let grid = |s: &mut Scene, v: &mut Vec<LoadedVolume>| {
         s.volumes[0].optics.extinction = Rgb::splat(4.0);
-        v[0].density = constant();
+        v[0].density = constant().into();
     };
     vec![
         row("absorption only", &black, None, all, Some(20.0)),
@@ -468,7 +468,7 @@ fn main() {
     if "homogeneous fog tracking constant grid".contains(&word) {
         let (mut scene, mut volumes) = smoke();
         scene.volumes[0].optics.extinction = Rgb::splat(4.0);
-        volumes[0].density = constant();
+        volumes[0].density = constant().into();
         compare_tracking("constant grid", &scene, &volumes, 3.0);
         scene.volumes.clear();
         scene.fogs.push(fog(4.0));

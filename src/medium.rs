@@ -9,6 +9,8 @@
 //! first of the media's own first collisions, and the transmittance of the sum is the product.
 //! Each medium keeps its own grid, transform and bounds.
 
+use std::sync::Arc;
+
 use glam::{Affine3A, DAffine3, DVec3, IVec3, Vec3};
 
 use crate::blackbody::Blackbody;
@@ -24,8 +26,8 @@ use crate::spectrum::Spectrum;
 /// A grid placed in the world.
 #[derive(Debug, Clone)]
 pub struct GridField {
-    /// The field.
-    pub grid: Grid,
+    /// The field, shared by all renders of a study.
+    pub grid: Arc<Grid>,
     /// Its bounds, merged for the medium's extinction.
     pub majorants: MajorantGrid,
     /// World (relative to the scene's origin) to the grid's local voxels.
@@ -40,7 +42,13 @@ impl GridField {
     /// Places `grid`, whose index space maps to the world by its own transform and then `after`,
     /// in a world whose origin is at `origin` \[m\]. `extinction` \[1/m\] sets the merging of bounds.
     #[must_use]
-    pub fn new(grid: Grid, after: &DAffine3, origin: DVec3, extinction: f32) -> Self {
+    pub fn new(
+        grid: impl Into<Arc<Grid>>,
+        after: &DAffine3,
+        origin: DVec3,
+        extinction: f32,
+    ) -> Self {
+        let grid: Arc<Grid> = grid.into();
         let local_to_world = DAffine3::from_translation(-origin) * *after * grid.local_to_world();
         let world_to_local = local_to_world.inverse();
         let voxel_size = local_to_world

@@ -147,7 +147,8 @@ pub struct Report {
     pub counters: Counters,
     /// The picture in figures.
     pub image: ImageFigures,
-    /// Noise and bias together; null unless `--target-error` asked for it.
+    /// Noise and bias together; null unless `--target-error` or `--time` asked for it,
+    /// and with fewer than four passes.
     pub error: Option<ErrorEstimate>,
 }
 

@@ -16,7 +16,7 @@ use vpm_vdb::atomic::{self, check_writable};
 use vpm_vdb::compare::{Figures, compare, heat_map};
 use vpm_vdb::image::{self, Metadata};
 use vpm_vdb::render::checkpoint::Checkpoint;
-use vpm_vdb::render::error::ErrorWatch;
+use vpm_vdb::render::error::{ErrorWatch, Pairs};
 use vpm_vdb::render::{Exec, PassDone, Rendered, Watch};
 use vpm_vdb::report::PhotonCounts;
 use vpm_vdb::scene::file::settings_text;
@@ -214,19 +214,27 @@ fn render(args: &RenderArgs) -> anyhow::Result<ExitCode> {
         checkpoints.push(None);
     }
 
-    catch_ctrl_c(args.quiet)?;
-    let progress = progress::for_stderr(args.quiet);
-    let warn = |text: &str| {
-        if !args.quiet {
-            progress.message(&format!("warning: {text}"));
-        }
-    };
-    let exec = Exec {
-        threads: args.threads.map(|n| n as usize),
-        progress: progress.as_ref(),
-        time_limit: args.time,
-        warn: &warn,
-        stop: &STOP,
+    with_terminal(args.quiet, args.threads, |exec| {
+        let exec = Exec {
+            time_limit: args.time,
+            ..*exec
+        };
+        render_jobs(args, (&jobs, loaded), checkpoints, &exec)
+    })
+}
+
+/// Renders the jobs, whose scene took `loaded` seconds, each going on from its checkpoint.
+fn render_jobs(
+    args: &RenderArgs,
+    (jobs, loaded): (&[Job], f64),
+    checkpoints: Vec<Option<Checkpoint>>,
+    exec: &Exec<'_>,
+) -> anyhow::Result<ExitCode> {
+    // A render that ends at an error or at a time states its error, noise and bias.
+    let pairs = match (args.target_error, args.time) {
+        (Some(_), _) => Some(Pairs::Sure),
+        (None, Some(_)) => Some(Pairs::Few),
+        (None, None) => None,
     };
     let mut missed = false;
     for (job, checkpoint) in jobs.iter().zip(checkpoints) {
@@ -234,17 +242,17 @@ fn render(args: &RenderArgs) -> anyhow::Result<ExitCode> {
             Some(checkpoint) => checkpoint,
             None => Checkpoint::begin(&job.exr.with_extension("checkpoint"), &job.scene)?,
         };
-        let mut errors = ErrorWatch::new(args.target_error, job.scene.settings.method);
+        let method = job.scene.settings.method;
+        let mut errors = pairs.map(|pairs| ErrorWatch::new(args.target_error, pairs, method));
         let mut unwatched = |_: &PassDone<'_>| ControlFlow::Continue(());
-        let watch: &mut dyn Watch = match args.target_error {
-            Some(_) => &mut errors,
+        let watch: &mut dyn Watch = match &mut errors {
+            Some(errors) => errors,
             None => &mut unwatched,
         };
-        let mut rendered = engine::run_render(&job.scene, &exec, &mut checkpoint, watch)?;
-        if args.target_error.is_some() {
-            rendered.report.error = errors.estimate;
-            missed |= !errors.estimate.is_some_and(|e| e.reached());
-        }
+        let mut rendered = engine::run_render(&job.scene, exec, &mut checkpoint, watch)?;
+        rendered.report.error = errors.and_then(|e| e.estimate);
+        missed |=
+            args.target_error.is_some() && !rendered.report.error.is_some_and(|e| e.reached());
         rendered.report.time_s.load += loaded;
         rendered.report.time_s.total += loaded;
         write(job, &mut rendered)?;
@@ -269,8 +277,31 @@ fn render(args: &RenderArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::from(if missed { FAILED } else { 0 }))
 }
 
+/// Calls `then` with what tells the terminal of progress and warnings unless `quiet`, and listens to
+/// Ctrl-C.
+pub(crate) fn with_terminal<T>(
+    quiet: bool,
+    threads: Option<u32>,
+    then: impl FnOnce(&Exec<'_>) -> anyhow::Result<T>,
+) -> anyhow::Result<T> {
+    catch_ctrl_c(quiet)?;
+    let progress = progress::for_stderr(quiet);
+    let warn = |text: &str| {
+        if !quiet {
+            progress.message(&format!("warning: {text}"));
+        }
+    };
+    then(&Exec {
+        threads: threads.map(|n| n as usize),
+        progress: progress.as_ref(),
+        time_limit: None,
+        warn: &warn,
+        stop: &STOP,
+    })
+}
+
 /// The first Ctrl-C asks the renderer to end after the pass in hand, the second one ends it all.
-pub(crate) fn catch_ctrl_c(quiet: bool) -> anyhow::Result<()> {
+fn catch_ctrl_c(quiet: bool) -> anyhow::Result<()> {
     /// What shells expect of a program that Ctrl-C ended.
     const INTERRUPTED: i32 = 130;
     ctrlc::set_handler(move || {
@@ -326,7 +357,7 @@ fn tell(job: &Job, rendered: &Rendered) -> anyhow::Result<()> {
             100.0 * e.upper,
             100.0 * e.confidence
         ),
-        (None, Some(e)) => format!("error {:.2} %", 100.0 * e),
+        (None, Some(e)) => format!("error {:.2} % (noise alone)", 100.0 * e),
         (None, None) => "error unknown".to_owned(),
     };
     let passes = match film.passes() {

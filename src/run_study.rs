@@ -3,12 +3,10 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use vpm_vdb::progress;
-use vpm_vdb::render::Exec;
 use vpm_vdb::study::{self, Options};
 
 use crate::cli::StudyArgs;
-use crate::run::{FAILED, STOP, catch_ctrl_c, load, print};
+use crate::run::{FAILED, load, print, with_terminal};
 
 /// Runs or continues a study.
 pub(crate) fn study(args: &StudyArgs) -> anyhow::Result<ExitCode> {
@@ -23,21 +21,9 @@ pub(crate) fn study(args: &StudyArgs) -> anyhow::Result<ExitCode> {
         resolution: args.resolution,
         anew: args.anew,
     };
-    catch_ctrl_c(args.quiet)?;
-    let progress = progress::for_stderr(args.quiet);
-    let warn = |text: &str| {
-        if !args.quiet {
-            progress.message(&format!("warning: {text}"));
-        }
-    };
-    let exec = Exec {
-        threads: args.threads.map(|n| n as usize),
-        progress: progress.as_ref(),
-        time_limit: None,
-        warn: &warn,
-        stop: &STOP,
-    };
-    let outcome = study::run(&scene, &options, &exec)?;
+    let outcome = with_terminal(args.quiet, args.threads, |exec| {
+        Ok(study::run(&scene, &options, exec)?)
+    })?;
     if !args.quiet {
         tell(&outcome, &options)?;
     }

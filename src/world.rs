@@ -9,11 +9,14 @@
 //! alone, or by nothing. `media` holds the open scene's first, then the interiors, so that one
 //! index names a medium everywhere; [`World::media_for`] gives those of a place.
 
+use std::sync::Arc;
+
 use glam::DVec3;
 
 use crate::blackbody::Blackbody;
 use crate::camera::Camera;
 use crate::effects::General;
+use crate::grid::Grid;
 use crate::light::{Glow, Light, LightError, LightSample};
 use crate::medium::{EmissionField, Field, GridField, Medium};
 use crate::photon::deposit::Part;
@@ -23,13 +26,13 @@ use crate::spectrum::Spectrum;
 use crate::surface::{Hit, Inside, SurfaceError, Surfaces};
 use crate::tracking::Sampler;
 
-/// Grids of a scene's volumes, in order.
+/// Grids of a scene's volumes, in order. A clone shares them.
 #[derive(Debug, Clone)]
 pub struct LoadedVolume {
     /// Density.
-    pub density: crate::grid::Grid,
+    pub density: Arc<Grid>,
     /// Temperature, where the volume emits.
-    pub temperature: Option<crate::grid::Grid>,
+    pub temperature: Option<Arc<Grid>>,
 }
 
 /// Something of a scene that cannot be loaded.

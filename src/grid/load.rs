@@ -7,6 +7,7 @@
 //! density 1, falling to 0 over the band inside the surface).
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use glam::{DAffine3, IVec3};
@@ -115,12 +116,12 @@ pub fn load_volumes(scene: &Scene, warn: &dyn Fn(&str)) -> Result<Vec<LoadedVolu
                 };
                 let loaded = load_grid(&archive, &volume.file, Some(temperature), taking)?;
                 loaded.warnings.iter().for_each(|w| warn(w));
-                Some(loaded.grid)
+                Some(Arc::new(loaded.grid))
             }
             None => None,
         };
         volumes.push(LoadedVolume {
-            density: density.grid,
+            density: Arc::new(density.grid),
             temperature,
         });
         open = Some((volume.file.clone(), archive));

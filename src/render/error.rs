@@ -2,12 +2,21 @@
 //!
 //! ```text
 //! error² = noise² + bias²                          relMSE of the picture, expected     [1]
-//! noise² = mean( w s² )                            s standard error of a pixel's mean
-//! bias²  = (q k)² mean( w (D̄² - S_D²/m) )          D = x(r) - x(r/2), m passes
+//! noise² = mean over j > n/2 of mean( w_j u_j² ) / n      u_j = (x_j - x̄_j) √((j-1)/j)
+//! bias²  = (q k)² mean( w (D̄² - S_D²/m) )          D = x(r) - x(r/2), m pairs
 //! w      = 1 / (x̄² + 0.01 mean(x̄)²),  means over pixels and channels
 //! ```
 //!
-//! Noise is read from the scatter of the passes. Bias is estimated by a pair: photons of a pass are
+//! Noise is read from the scatter of the n passes, by their recursive residuals (Brown, Durbin &
+//! Evans 1975): x̄_j and w_j are the mean of the passes before pass j, which is the j-th, and its
+//! weight. They do not know x_j. Where weight and residual share a pass, a pixel that was hit by a
+//! rare bright path weighs its own surprise down, and the noise of pictures with few such paths is
+//! told too small, by half with twelve passes of light that one path in fifty carries
+//! (`tests/all/accuracy/target_error.rs`). Weights of few passes are noisy, hence too large on average (w is
+//! convex): only the later half of the passes counts, so that noise² comes out too large by some
+//! 4 noise² of itself.
+//!
+//! Bias is estimated by a pair: photons of a pass are
 //! gathered twice, with their radii and with half of them, along the same camera rays, so that the
 //! noise of rays and of first-order light cancels in D. A bias that goes like r^p gives
 //!
@@ -17,19 +26,23 @@
 //!
 //! Inside smooth fluence p = 2 (the kernel's second moment); at edges, shadows and walls it is 1 or
 //! less. We take p = 1, k = 2, which is 1.5 times too careful where all is smooth. The square of
-//! the mean of D holds its own noise S_D²/m, which is taken off, as in `study::figures`. The first
-//! `EVERY_PASS` passes are gathered twice and then every `THEN_EACH`-th; radii shrink in between, so
+//! the mean of D holds its own noise S_D²/m, which is taken off, as in `study::figures`. Which passes
+//! are gathered twice: [`Pairs`]. Radii shrink in between, so
 //! q = mean(scale over all passes) / mean(scale over pairs), from the schedule, again with p = 1.
 //!
 //! How sure: the squared norm of a mean of passes scatters around its expectation tr C / n with a
 //! relative variance of 2 tr C² / (tr C)² (Satterthwaite 1946), C being the covariance of pixels in
 //! a pass, far from diagonal since a photon lights many pixels. tr C² is the expected squared inner
-//! product of two passes, tr C the expected squared norm of one. The variances of the noise the picture has, of the estimate of its level, of the
-//! estimate of bias and of their cross terms add up, and
+//! product of two passes, tr C the expected squared norm of one. The variances of the noise the
+//! picture has, of the estimate of its level, of the estimate of bias and of their cross terms add
+//! up, and
 //!
 //! ```text
 //! upper² = error² + 2 √variance                    95 % of pictures lie below
 //! ```
+//!
+//! Satterthwaite takes such a norm for a χ² of some number of degrees of freedom; the 95 % point of
+//! χ² lies 1.65 (many) to 2.01 (one) standard deviations above its mean.
 //!
 //! Sources: Hachisuka, Jarosz & Jensen 2010, A progressive error estimation framework for photon
 //! density estimation (bias from a derivative in the radius, noise from the passes, one bound from
@@ -48,16 +61,17 @@ use crate::scene::Method;
 
 /// Factor on radii of the second gather. Nearer to 1: smaller noise of D, but p matters more.
 const SECOND: f32 = 0.5;
-/// 1 / (1 - 2^-p) for p = 1. Smaller: bias at edges is told too small; `tests/all/target_error.rs`.
+/// 1 / (1 - 2^-p) for p = 1. Smaller: bias at edges is told too small; `tests/all/accuracy/target_error.rs`.
 const BIAS_OVER_D: f64 = 2.0;
-/// Passes that are all gathered twice; later ones, one in so many.
+/// Passes that are all gathered twice for a target; later ones, one in so many.
 const EVERY_PASS: u32 = 8;
 const THEN_EACH: u32 = 4;
+/// For a time, one in so many: a second gather takes about half as long as a pass.
+const FEW_EACH: u32 = 8;
 /// Passes before the scatter of passes is worth looking at.
-const FEWEST: f64 = 4.0;
-/// Standard deviations to the bound. 1.645 would do for normal noise; squared norms are skewed, and
-/// variances are estimates: with less, fewer than 95 % of pictures keep to it
-/// (`tests/all/target_error.rs`).
+const FEWEST: usize = 4;
+/// Standard deviations to the bound, those of a χ² of one degree of freedom at 95 %. Less: fewer
+/// pictures keep to it (`tests/all/accuracy/target_error.rs`).
 const SURE: f64 = 2.0;
 /// Relative variance of a norm that is assumed on top of the measured one, which few passes may
 /// show too small.
@@ -90,17 +104,34 @@ impl ErrorEstimate {
     }
 }
 
+/// Which passes are gathered twice.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Pairs {
+    /// The first eight, then one in four, and every one for as long as what pairs do not tell of
+    /// the bias holds the bound up more than all noise does.
+    Sure,
+    /// The second and fourth, then one in eight: a picture for a given time, not an error.
+    Few,
+}
+
 /// Noise of the passes in one figure: its squared norm, and how independent its pixels are.
 #[derive(Debug, Clone, Default)]
 struct Norms {
-    /// Squared norm of each pass: count, mean, second moment.
-    n: f64,
-    mean: f64,
-    m2: f64,
+    /// Squared norm of each pass.
+    norms: Vec<f64>,
     /// The last pass, weighted.
     last: Vec<[f32; 3]>,
-    /// Squared inner products of passes that follow one another: count, sum.
-    products: [f64; 2],
+    /// Squared inner products of each pass with the one before.
+    products: Vec<f64>,
+}
+
+/// What of a list was added since it was half as long.
+fn later_half(all: &[f64]) -> &[f64] {
+    &all[all.len() / 2..]
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
 }
 
 impl Norms {
@@ -113,28 +144,29 @@ impl Norms {
                 .map(|(a, b)| f64::from(*a) * f64::from(*b))
                 .sum::<f64>()
         };
-        let norm = dot(&noise, &noise) / share;
-        self.n += 1.0;
-        let before = norm - self.mean;
-        self.mean += before / self.n;
-        self.m2 += before * (norm - self.mean);
+        self.norms.push(dot(&noise, &noise) / share);
         if self.last.len() == noise.len() {
-            self.products[0] += 1.0;
-            self.products[1] += dot(&noise, &self.last).powi(2);
+            self.products.push(dot(&noise, &self.last).powi(2));
         }
         self.last = noise;
     }
 
+    /// tr C.
+    fn trace(&self) -> f64 {
+        mean(later_half(&self.norms))
+    }
+
     /// Relative variance of the squared norm of a mean of passes (see above), and of its estimate.
     fn relative_variance(&self) -> [f64; 2] {
-        let (squared, [count, sum]) = (self.mean * self.mean, self.products);
-        if count == 0.0 || squared == 0.0 {
+        let (norms, products) = (later_half(&self.norms), later_half(&self.products));
+        let (trace, n) = (mean(norms), norms.len() as f64);
+        if products.is_empty() || trace == 0.0 {
             return [PRIOR, PRIOR];
         }
-        let scatter = self.m2 / (self.n - 1.0).max(1.0) / squared;
+        let squares: f64 = norms.iter().map(|v| (v / trace - 1.0).powi(2)).sum();
         [
-            2.0 * sum / count / squared + PRIOR,
-            scatter / self.n + PRIOR,
+            2.0 * mean(products) / trace.powi(2) + PRIOR,
+            squares / (n * (n - 1.0).max(1.0)) + PRIOR,
         ]
     }
 }
@@ -143,8 +175,11 @@ impl Norms {
 #[derive(Debug)]
 pub struct ErrorWatch {
     target: Option<f64>,
+    wanted: Pairs,
     /// Bias depends on the radius at all.
     kernels: bool,
+    /// What the pairs do not tell of the bias holds the bound up more than all noise does.
+    blurred: bool,
     /// Mean and second moment of D for each pixel and channel.
     pairs: Vec<[[f64; 2]; 3]>,
     count: u32,
@@ -162,9 +197,11 @@ pub struct ErrorWatch {
 impl ErrorWatch {
     /// Watches a method, and ends it at `target`, √relMSE.
     #[must_use]
-    pub fn new(target: Option<f64>, method: Method) -> Self {
+    pub fn new(target: Option<f64>, wanted: Pairs, method: Method) -> Self {
         Self {
             target,
+            wanted,
+            blurred: false,
             kernels: method != Method::Path,
             scaled: 0,
             pairs: Vec::new(),
@@ -206,28 +243,46 @@ impl ErrorWatch {
         }
     }
 
-    /// Takes in the noise of a pass.
+    /// Takes in the noise of a pass: its recursive residuals.
     fn add_noise(&mut self, film: &Film, samples: &[Sample]) {
-        let n = f64::from(film.passes());
-        if n < 2.0 {
+        let j = f64::from(film.passes());
+        if j < 2.0 {
             return;
         }
-        let weights = Weights::new(film);
-        let noise = pixels(film)
+        // The picture as it was before the pass.
+        let before: Vec<[f64; 3]> = pixels(film)
             .zip(samples)
             .map(|((x, y), sample)| {
-                let w = weights.of(film, x, y);
-                let off = (sample.colour().as_dvec3() - film.mean(x, y)).to_array();
-                let off = [0, 1, 2].map(|c| (w[c].sqrt() * off[c]) as f32);
+                let mean = film.mean(x, y);
+                let n = j - f64::from(film.nonfinite_passes(x, y));
+                let off = mean - sample.colour().as_dvec3();
+                let before = if off.is_finite() && n > 1.0 {
+                    mean + off / (n - 1.0)
+                } else {
+                    mean
+                };
+                before.to_array()
+            })
+            .collect();
+        let weights =
+            Weights::of_mean(before.iter().flatten().sum::<f64>() / (3 * before.len()) as f64);
+        let share = ((j - 1.0) / j).sqrt();
+        let noise = before
+            .iter()
+            .zip(samples)
+            .map(|(before, sample)| {
+                let x = sample.colour().as_dvec3().to_array();
+                let w = weights.at(*before);
+                let off = [0, 1, 2].map(|c| (w[c].sqrt() * share * (x[c] - before[c])) as f32);
                 off.map(|v| if v.is_finite() { v } else { 0.0 })
             })
             .collect();
-        self.noise.add(noise, (n - 1.0) / n);
+        self.noise.add(noise, 1.0);
     }
 
     /// What is known after these passes.
-    fn look(&self, film: &Film) -> Option<ErrorEstimate> {
-        if self.noise.n + 1.0 < FEWEST {
+    fn look(&mut self, film: &Film) -> Option<ErrorEstimate> {
+        if self.noise.norms.len() + 1 < FEWEST || (self.kernels && self.count < 2) {
             return None;
         }
         let weights = Weights::new(film);
@@ -237,37 +292,33 @@ impl ErrorWatch {
             _ => 0.0,
         };
         let factor = (q * BIAS_OVER_D).powi(2);
-        let (mut noise, mut squares, mut own, mut count) = (0.0, 0.0, 0.0, 0.0);
-        for (i, (x, y)) in pixels(film).enumerate() {
-            let Some(s) = film.standard_error(x, y) else {
-                continue;
-            };
+        let (mut squares, mut own) = (0.0, 0.0);
+        for ((x, y), pixel) in pixels(film).zip(&self.pairs) {
             let w = weights.of(film, x, y);
             for c in 0..3 {
-                noise += w[c] * s[c] * s[c];
-                if let (Some(pixel), true) = (self.pairs.get(i), self.count >= 2) {
-                    let [mean, m2] = pixel[c];
-                    squares += w[c] * mean * mean;
-                    own += w[c] * m2 / (m * (m - 1.0));
-                }
+                let [mean, m2] = pixel[c];
+                squares += w[c] * mean * mean;
+                own += w[c] * m2 / (m * (m - 1.0)).max(1.0);
             }
-            count += 3.0;
         }
-        if count == 0.0 {
-            return None;
-        }
-        let noise = noise / count;
+        let [x0, y0, x1, y1] = film.crop().map(f64::from);
+        let count = 3.0 * (x1 - x0) * (y1 - y0);
+        let n = f64::from(film.passes());
+        let noise = self.noise.trace() / count / n;
         let own = factor * own / count;
         let bias2 = (factor * squares / count - own).max(0.0);
-        let n = f64::from(film.passes());
         let [rn, en] = self.noise.relative_variance();
         let [rd, ed] = self.differences.relative_variance();
         // Cross terms of the largest bias that is likely: its noise must not vouch for itself.
         let likely = bias2 + own * rd.sqrt();
-        let mut variance = noise * noise * (rn * n / (n - 1.0) + en) + 2.0 * likely * noise * rn;
-        if self.count >= 2 {
-            variance += own * own * (rd * m / (m - 1.0) + ed) + 2.0 * likely * own * rd;
-        }
+        let of_noise = noise * noise * (rn + en) + 2.0 * likely * noise * rn;
+        let of_pairs = if self.count < 2 {
+            0.0
+        } else {
+            own * own * (rd * m / (m - 1.0) + ed) + 2.0 * likely * own * rd
+        };
+        let variance = of_noise + of_pairs;
+        self.blurred = SURE * of_pairs.sqrt() > noise;
         let error2 = noise + bias2;
         Some(ErrorEstimate {
             target: self.target,
@@ -283,7 +334,10 @@ impl ErrorWatch {
 
 impl Watch for ErrorWatch {
     fn second_radius(&self, pass: u32) -> Option<f32> {
-        let wanted = pass < EVERY_PASS || pass % THEN_EACH == THEN_EACH - 1;
+        let wanted = match self.wanted {
+            Pairs::Sure => pass < EVERY_PASS || pass % THEN_EACH == THEN_EACH - 1 || self.blurred,
+            Pairs::Few => matches!(pass, 1 | 3) || pass % FEW_EACH == FEW_EACH - 1,
+        };
         (self.kernels && wanted).then_some(SECOND)
     }
 
@@ -320,16 +374,21 @@ struct Weights {
 
 impl Weights {
     fn new(film: &Film) -> Self {
-        let mean = film.image_mean().mean.to_array();
-        let mean = mean.iter().sum::<f64>() / 3.0;
+        Self::of_mean(film.image_mean().mean.to_array().iter().sum::<f64>() / 3.0)
+    }
+
+    /// Of a picture with this mean of all channels.
+    fn of_mean(mean: f64) -> Self {
         Self {
             floor: (0.01 * mean * mean).max(f64::MIN_POSITIVE),
         }
     }
 
     fn of(&self, film: &Film, x: u32, y: u32) -> [f64; 3] {
-        film.mean(x, y)
-            .to_array()
-            .map(|v| 1.0 / (v * v + self.floor))
+        self.at(film.mean(x, y).to_array())
+    }
+
+    fn at(&self, pixel: [f64; 3]) -> [f64; 3] {
+        pixel.map(|v| 1.0 / (v * v + self.floor))
     }
 }

@@ -231,7 +231,7 @@ pub fn render(
     let volumes = grids
         .iter()
         .map(|g| LoadedVolume {
-            density: (*g).clone(),
+            density: (*g).clone().into(),
             temperature: None,
         })
         .collect();

@@ -15,7 +15,7 @@ use super::plan::Sweep;
 use super::plot;
 use super::store::{Pixels, Store};
 use super::table::{Row, Study};
-use super::{Options, StudyError, inside};
+use super::{Options, StudyError};
 use crate::atomic::write_bytes;
 use crate::compare::heat_map;
 use crate::scene::Scene;
@@ -45,7 +45,7 @@ pub(super) fn write(
     let folder = &options.folder;
     let mut files = Vec::new();
     let mut put = |name: &str, bytes: &[u8]| -> Result<(), StudyError> {
-        let file = inside(folder, name);
+        let file = folder.join(name);
         write_bytes(&file, bytes)?;
         files.push(file);
         Ok(())

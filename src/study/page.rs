@@ -10,6 +10,7 @@ use super::encode::{data_uri, html};
 use super::figures::Interval;
 use super::output::Shown;
 use super::plot::{Plot, interval_words};
+use super::rate::Convergence;
 use super::table::Study;
 
 const STYLE: &str = include_str!("page.css");
@@ -69,12 +70,12 @@ fn targets(study: &Study, options: &Options) -> String {
         "<section><h2>For this error, use this setting</h2>\n\
          <p>Error is √relMSE. The second time is for the scene's own resolution, where camera \
          rays take longer in proportion to the pixels and photons do not.</p>\n\
-         <div class=\"scroll\"><table><thead><tr><th>error</th><th>method</th><th>time here</th>\
-         <th>at full size</th><th>command</th></tr></thead>\n<tbody>\n",
+         <div class=\"scroll\"><table class=\"targets\"><thead><tr><th>error</th><th>method</th>\
+         <th>time here</th><th>at full size</th></tr></thead>\n<tbody>\n",
     );
     for target in &study.targets {
         let row = match &target.choice {
-            None => "<td colspan=\"4\">no setting of this study reaches it</td>".to_owned(),
+            None => "<td colspan=\"3\">no setting of this study reaches it</td>".to_owned(),
             Some(c) => {
                 let mark = if c.extrapolated {
                     " <small>by its rate, not rendered</small>"
@@ -83,8 +84,9 @@ fn targets(study: &Study, options: &Options) -> String {
                 };
                 let command = format!("vpm-vdb render {scene} {}", c.options);
                 format!(
-                    "<td>{}{mark}</td><td>{}</td><td>{}</td><td><button type=\"button\" \
-                     class=\"copy\">copy</button> <code>{}</code></td>",
+                    "<td>{}{mark}</td><td>{}</td><td>{}</td></tr>\n<tr class=\"command\">\
+                     <td colspan=\"4\"><button type=\"button\" class=\"copy\">copy</button> \
+                     <code>{}</code></td>",
                     html(&c.method),
                     seconds(c.seconds),
                     seconds(c.seconds_own_resolution),
@@ -137,17 +139,17 @@ fn equal_time(study: &Study) -> String {
     if study.equal_time.is_empty() {
         return String::new();
     }
-    let mut out = String::from(
-        "<section><h2>After the same time</h2>\n<p>At the scene's own resolution.</p>\n<div class=\"scroll\"><table><thead><tr>\
-         <th>time</th><th>method</th><th>relMSE</th><th>other</th><th>relMSE</th><th>ratio</th>\
-         </tr></thead>\n<tbody>\n",
+    let first = html(&study.equal_time[0].method);
+    let mut out = format!(
+        "<section><h2>After the same time</h2>\n<p>relMSE at the scene's own resolution.</p>\n\
+         <div class=\"scroll\"><table><thead><tr><th>time</th><th>{first}</th><th>other</th>\
+         <th></th><th>ratio</th></tr></thead>\n<tbody>\n",
     );
     for e in &study.equal_time {
         let _ = writeln!(
             out,
-            "<tr><th>{}</th><td>{}</td><td>{:.2e}</td><td>{}</td><td>{:.2e}</td><td>{:.2}</td></tr>",
+            "<tr><th>{}</th><td>{:.2e}</td><td>{}</td><td>{:.2e}</td><td>{:.2}</td></tr>",
             seconds(e.seconds),
-            html(&e.method),
             e.relmse,
             html(&e.other),
             e.other_relmse,
@@ -178,17 +180,34 @@ fn figures(study: &Study, plots: &[Plot]) -> String {
             };
             let _ = writeln!(
                 out,
-                "<li>{}: relMSE falls like {unit} to the {} over passes {} to {}; theory {:.2}</li>",
+                "<li>{}: relMSE falls like {unit} to the {} over passes {} to {}; theory {:.2}{}</li>",
                 html(&c.setting),
                 interval_words(&c.slope, 3),
                 c.passes[0],
                 c.passes[1],
-                c.theory
+                c.theory,
+                parts(c)
             );
         }
         out += "</ul>\n";
     }
     out + "</section>\n"
+}
+
+/// What of the variance is photons', and how it falls.
+fn parts(c: &Convergence) -> String {
+    let (Some(law), Some(slope)) = (c.law, c.variance_slope) else {
+        return String::new();
+    };
+    let [first, last] = c.passes.map(|n| 100.0 * law.share_of_rays(n));
+    let bias = c
+        .bias_slope
+        .map_or_else(String::new, |s| format!(", bias² to the {s:.3}"));
+    format!(
+        "; variance to the {slope:.3}{bias}; {first:.0} % of the variance is the camera rays' after \
+         {} passes, {last:.0} % after {}",
+        c.passes[0], c.passes[1]
+    )
 }
 
 fn rows(study: &Study) -> String {

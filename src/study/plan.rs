@@ -4,20 +4,24 @@
 //! base        every method, passes 1, 2, 4, ... as checkpoints of one progressive run
 //! photons     n/16, n/4, 4n            at the scene's neighbours k: r ~ (k/n)^(1/3)
 //! neighbours  k/64, k/16, k/4, 4k      radius alone
-//! rays        2, 4 and 8 times as many camera rays of a pixel in each pass
+//! rays        4 times as many camera rays of a pixel in each pass
 //! kernel      the other kernels
 //! march       fixed steps of 32 ... 1/8 voxel against exact
 //! direct      first order from photons, or sampled along the camera ray
-//! orders      1, 2, 4, ... scattering orders
-//! rate        n/16 photons and 8 times as many camera rays, through many passes: what is left of
-//!             the error is the photons', whose rate the theory gives
+//! orders      1, 4, 16, ... scattering orders
+//! rate        n/16 photons and 4 times as many camera rays, through many passes: what is left of
+//!             the error is more of the photons', whose rate the theory gives (`rate`)
 //! ```
 //!
 //! All knobs but the turned one stay as in the base, so a row against the base row shows what that
 //! knob costs and buys. A setting is rendered with several seeds; equal seeds give equal photons,
 //! so pictures that differ in the march alone differ in nothing else.
 //!
-//! A quick study renders fewer pixels, an eighth of the photons, fewer passes and fewer values.
+//! A quick study renders fewer pixels, an eighth of the photons, fewer passes and fewer values. A
+//! study with a budget below half an hour has fewer photons in its passes too: n above is the
+//! scene's own number over the power of two that the budget calls for, at most 8.
+
+use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
@@ -27,7 +31,13 @@ use crate::scene::{Direct, Kernel, March, Method, Scene, Settings};
 pub const METHODS: [Method; 3] = [Method::Beam, Method::Point, Method::Path];
 
 /// Pixels of a study's pictures, about, unless a resolution is given.
-const PIXELS: [f64; 2] = [5_000.0, 16_000.0];
+const PIXELS: [f64; 2] = [5_000.0, 10_000.0];
+
+/// Largest number by which a study divides the scene's photons of a pass.
+pub const MOST_FEWER: u64 = 8;
+
+/// Camera rays of a pixel where there are more of them.
+const RAYS: u32 = 4;
 
 /// Paths in one pass of the path tracer.
 pub(super) const PATHS_PER_PASS: u32 = crate::render::PATHS_PER_PASS;
@@ -92,25 +102,35 @@ fn reduced([width, height]: [u32; 2], pixels: f64) -> [u32; 2] {
     [width, height].map(|n| ((f64::from(n) * scale).round() as u32).max(1))
 }
 
+/// By what a study divides the scene's photons of a pass, so that about as many seeds of its
+/// settings fit into `budget` as into `full` with all photons: a power of two.
+#[must_use]
+pub fn fewer_photons(budget: Duration, full: Duration) -> u64 {
+    let ratio = full.as_secs_f64() / budget.as_secs_f64();
+    (0..)
+        .map(|power| 1 << power)
+        .take_while(|n| *n <= MOST_FEWER && *n as f64 <= ratio)
+        .last()
+        .unwrap_or(1)
+}
+
 /// Doubling passes up to `last`.
 fn doubling(last: u32) -> Vec<u32> {
     (0..32).map(|i| 1 << i).take_while(|n| *n <= last).collect()
 }
 
 impl Sweep {
-    /// The sweep around a scene's own settings.
+    /// The sweep around a scene's own settings, with its photons of a pass divided by `fewer`.
     #[must_use]
-    pub fn new(scene: &Scene, quick: bool, resolution: Option<[u32; 2]>) -> Self {
+    pub fn new(scene: &Scene, quick: bool, fewer: u64, resolution: Option<[u32; 2]>) -> Self {
         let own = &scene.settings;
-        let mut base = Settings {
+        let base = Settings {
             spp: 1,
             crop: None,
             march: March::Exact,
+            photons: (own.photons / fewer.max(1)).max(1),
             ..own.clone()
         };
-        if quick {
-            base.photons = (own.photons / 8).max(1);
-        }
         let pixels = PIXELS[usize::from(!quick)];
         let resolution = resolution.unwrap_or_else(|| reduced(scene.camera.resolution, pixels));
         let mut settings = Vec::new();
@@ -193,7 +213,7 @@ fn turned(
 
 /// One knob turned at a time.
 fn knobs(base: &Settings, method: Method, quick: bool) -> Vec<Setting> {
-    let passes = if quick { 2 } else { 4 };
+    let passes = 2;
     let mut all = Vec::new();
     let mut add = |knob, name: String, turn: &dyn Fn(&mut Settings)| {
         all.push(turned((base, method, passes), (knob, name), turn));
@@ -224,14 +244,13 @@ fn knobs(base: &Settings, method: Method, quick: bool) -> Vec<Setting> {
             s.photons = count;
         });
     }
-    let rays: &[u32] = if quick { &[4] } else { &[2, 4, 8] };
-    for n in rays {
-        add(Knob::Rays, format!("rays-{n}"), &|s| s.spp = base.spp * n);
-    }
+    add(Knob::Rays, format!("rays-{RAYS}"), &|s| {
+        s.spp = base.spp * RAYS;
+    });
     let steps: &[f64] = if quick {
         &[16.0, 4.0, 1.0, 0.25]
     } else {
-        &[32.0, 16.0, 8.0, 4.0, 2.0, 1.0, 0.5, 0.25, 0.125]
+        &[32.0, 8.0, 2.0, 0.5, 0.125]
     };
     for step in steps {
         add(Knob::March, format!("step-{step}"), &|s| {
@@ -255,14 +274,14 @@ fn knobs(base: &Settings, method: Method, quick: bool) -> Vec<Setting> {
             s.direct = other;
         },
     );
-    let last = if quick { 8 } else { 64 };
+    let last = if quick { 8 } else { 32 };
     all.push(Setting {
         name: "rate".to_owned(),
         knob: Knob::Rate,
         settings: Settings {
             method,
             photons: (base.photons / 16).max(1),
-            spp: base.spp * 8,
+            spp: base.spp * RAYS,
             passes: last,
             ..base.clone()
         },
@@ -271,8 +290,7 @@ fn knobs(base: &Settings, method: Method, quick: bool) -> Vec<Setting> {
     let mut add = |knob, name: String, turn: &dyn Fn(&mut Settings)| {
         all.push(turned((base, method, passes), (knob, name), turn));
     };
-    let each = if quick { 2 } else { 1 };
-    for order in doubling(base.max_bounces).into_iter().step_by(each) {
+    for order in doubling(base.max_bounces).into_iter().step_by(2) {
         if order != base.max_bounces {
             add(Knob::Orders, format!("orders-{order}"), &|s| {
                 s.max_bounces = order;
@@ -307,5 +325,27 @@ pub fn march_name(march: March) -> String {
     match march {
         March::Exact => "exact".to_owned(),
         March::Step(step) => format!("{step}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn small_budgets_mean_fewer_photons() {
+        let full = Duration::from_secs(1800);
+        for (seconds, fewer) in [
+            (7200, 1),
+            (1800, 1),
+            (1799, 1),
+            (900, 2),
+            (300, 4),
+            (150, 8),
+            (1, 8),
+        ] {
+            let found = fewer_photons(Duration::from_secs(seconds), full);
+            assert_eq!(found, fewer, "{seconds} s");
+        }
     }
 }

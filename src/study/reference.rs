@@ -58,8 +58,37 @@ impl Parts {
     }
 }
 
+/// A picture from a file that fits a study of pictures of `asked`, of a scene whose own size is
+/// `own`; and its size.
+pub(super) fn fitting(
+    file: &Path,
+    asked: Option<[u32; 2]>,
+    own: [u32; 2],
+    warn: &dyn Fn(&str),
+) -> Result<(Reference, [u32; 2]), StudyError> {
+    let (picture, size) = read(file, warn)?;
+    let refused = |reason: String| StudyError::Reference {
+        file: file.to_owned(),
+        reason,
+    };
+    let [w, h] = size;
+    if asked.is_some_and(|asked| asked != size) {
+        return Err(refused(format!(
+            "it has {w}x{h} pixels; leave out --resolution, or give that"
+        )));
+    }
+    let aspect = |[w, h]: [u32; 2]| f64::from(w) / f64::from(h);
+    if (aspect(size) / aspect(own) - 1.0).abs() > 0.02 && asked.is_none() {
+        let [ow, oh] = own;
+        return Err(refused(format!(
+            "its shape, {w}x{h}, is not that of the scene, {ow}x{oh}"
+        )));
+    }
+    Ok((picture, size))
+}
+
 /// A picture from a file, and its size.
-pub(super) fn read(file: &Path, warn: &dyn Fn(&str)) -> Result<(Reference, [u32; 2]), StudyError> {
+fn read(file: &Path, warn: &dyn Fn(&str)) -> Result<(Reference, [u32; 2]), StudyError> {
     let picture = image::read_exr(file)?;
     if picture.rgb.iter().flatten().any(|v| !v.is_finite()) {
         return Err(StudyError::Reference {

@@ -54,6 +54,41 @@ impl Fingerprint {
     }
 }
 
+/// What `plan.json` says.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Plan {
+    /// The scene's photons of a pass over the study's: chosen by the budget when it began, and kept
+    /// when it goes on with another one.
+    pub fewer_photons: u64,
+    /// What the runs depend on.
+    pub made_from: Fingerprint,
+}
+
+impl Plan {
+    fn file(folder: &Path) -> PathBuf {
+        folder.join("runs").join("plan.json")
+    }
+
+    /// The plan of the study in `folder`, if there is one.
+    ///
+    /// # Errors
+    /// [`StudyError`]: it cannot be read, or is no plan.
+    pub fn read(folder: &Path) -> Result<Option<Self>, StudyError> {
+        let file = Self::file(folder);
+        match fs::read(&file) {
+            Ok(bytes) => match serde_json::from_slice(&bytes) {
+                Ok(plan) => Ok(Some(plan)),
+                Err(e) => Err(StudyError::Damaged {
+                    file,
+                    reason: e.to_string(),
+                }),
+            },
+            Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(None),
+            Err(source) => Err(StudyError::Io { file, source }),
+        }
+    }
+}
+
 /// 64 bits of FNV-1a, which never changes between versions: enough to tell edits, not attacks.
 #[derive(Debug, Clone, Copy)]
 struct Fnv(u64);
@@ -149,31 +184,26 @@ impl Store {
     ///
     /// # Errors
     /// [`StudyError`]: the folder holds another study, or cannot be used.
-    pub fn open(folder: &Path, fingerprint: &Fingerprint, anew: bool) -> Result<Self, StudyError> {
+    pub fn open(folder: &Path, plan: &Plan, anew: bool) -> Result<Self, StudyError> {
         let runs = folder.join("runs");
         let io = |file: &Path| {
             let file = file.to_owned();
             move |source| StudyError::Io { file, source }
         };
         fs::create_dir_all(&runs).map_err(io(&runs))?;
-        let plan = runs.join("plan.json");
+        let file = Plan::file(folder);
         if anew {
             let old = fs::read_dir(&runs).map_err(io(&runs))?;
             for entry in old.filter_map(Result::ok) {
-                let file = entry.path();
-                if file == plan || file.extension().is_some_and(|e| e == "run") {
-                    fs::remove_file(&file).map_err(io(&file))?;
+                let old = entry.path();
+                if old == file || old.extension().is_some_and(|e| e == "run") {
+                    fs::remove_file(&old).map_err(io(&old))?;
                 }
             }
         }
-        match fs::read(&plan) {
-            Ok(bytes) => {
-                let old: Fingerprint =
-                    serde_json::from_slice(&bytes).map_err(|e| StudyError::Damaged {
-                        file: plan.clone(),
-                        reason: e.to_string(),
-                    })?;
-                let changed = old.differences(fingerprint);
+        match Plan::read(folder)? {
+            Some(old) => {
+                let changed = old.made_from.differences(&plan.made_from);
                 if !changed.is_empty() {
                     return Err(StudyError::OtherStudy {
                         folder: folder.to_owned(),
@@ -181,11 +211,13 @@ impl Store {
                     });
                 }
             }
-            Err(e) if e.kind() == io::ErrorKind::NotFound => {
-                let text = serde_json::to_string_pretty(fingerprint).unwrap_or_default();
-                atomic::write_bytes(&plan, text.as_bytes())?;
+            None => {
+                let text = serde_json::to_string_pretty(plan).map_err(|e| StudyError::Damaged {
+                    file: file.clone(),
+                    reason: e.to_string(),
+                })?;
+                atomic::write_bytes(&file, text.as_bytes())?;
             }
-            Err(e) => return Err(io(&plan)(e)),
         }
         Ok(Self { runs })
     }
@@ -291,7 +323,11 @@ mod tests {
     #[test]
     fn runs_come_back_and_damage_is_told() {
         let dir = std::env::temp_dir().join(format!("vpm-store-{}", std::process::id()));
-        let key = Fingerprint::new([("scene", "a".to_owned())]);
+        let plan = |scene: &str| Plan {
+            fewer_photons: 8,
+            made_from: Fingerprint::new([("scene", scene.to_owned())]),
+        };
+        let key = plan("a");
         let store = Store::open(&dir, &key, true).unwrap();
         store.put(&run()).unwrap();
         let back = store.get("beam", 3).unwrap().unwrap();
@@ -307,7 +343,8 @@ mod tests {
             assert!(error.contains("damaged"), "{length} bytes: {error}");
         }
 
-        let other = Fingerprint::new([("scene", "b".to_owned())]);
+        assert_eq!(Plan::read(&dir).unwrap(), Some(plan("a")));
+        let other = plan("b");
         let error = Store::open(&dir, &other, false).unwrap_err().to_string();
         assert!(error.contains("(changed: scene)"), "{error}");
         Store::open(&dir, &other, true).unwrap();

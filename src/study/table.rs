@@ -3,9 +3,10 @@
 use serde::{Deserialize, Serialize};
 
 use super::StudyError;
-use super::figures::{Figures, Interval, Reference, figures, median, slope};
+use super::figures::{Figures, Reference, figures, median, slope};
 use super::pareto::{self, EqualTime, Target};
 use super::plan::{Knob, Setting, Sweep, direct_name, kernel_name, march_name};
+use super::rate::{self, Convergence};
 use super::store::{Pixels, Run, Store};
 use crate::photon::radius::radius_scale;
 use crate::report::Times;
@@ -52,21 +53,6 @@ pub struct Row {
     pub figures: Figures,
     /// No other row is both faster and better.
     pub pareto: bool,
-}
-
-/// How fast the error of a progressive method falls.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Convergence {
-    /// Setting.
-    pub setting: String,
-    /// Method.
-    pub method: String,
-    /// Passes of the first and last point of the fit.
-    pub passes: [u32; 2],
-    /// Slope of ln relMSE against ln photons (paths: ln paths).
-    pub slope: Interval,
-    /// Theory.
-    pub theory: f64,
 }
 
 /// All of it.
@@ -225,6 +211,7 @@ pub(super) fn tabulate(made: &Made<'_>) -> Result<Study, StudyError> {
             Some(base) if setting.knob != Knob::Base => self::runs(store, base, runs.len() as u64)?,
             _ => Vec::new(),
         };
+        let first = rows.len();
         for (i, passes) in setting.checkpoints.iter().enumerate() {
             let pictures: Vec<Pixels> = runs.iter().map(|r| r.pictures[i].clone()).collect();
             let at = base.and_then(|b| b.checkpoints.iter().position(|p| p == passes));
@@ -264,8 +251,10 @@ pub(super) fn tabulate(made: &Made<'_>) -> Result<Study, StudyError> {
                 pareto: false,
             });
         }
-        if matches!(setting.knob, Knob::Base | Knob::Rate) {
-            convergence.extend(rate(setting, &runs, reference));
+        if matches!(setting.knob, Knob::Base | Knob::Rate)
+            && let Some(slopes) = slopes(setting, &runs, reference)
+        {
+            convergence.extend(rate::convergence(&rows[first..], &slopes));
         }
     }
     pareto::mark(&mut rows, same_picture);
@@ -289,38 +278,22 @@ pub(super) fn tabulate(made: &Made<'_>) -> Result<Study, StudyError> {
     Ok(study)
 }
 
-/// The rate over the checkpoints: a slope for each seed, hence an interval over seeds.
-fn rate(setting: &Setting, runs: &[Run], reference: &Reference) -> Option<Convergence> {
-    let slopes: Option<Vec<f64>> = runs
-        .iter()
-        .map(|run| {
-            let points: Vec<(f64, f64)> = run
-                .pictures
-                .iter()
-                .zip(&setting.checkpoints)
-                .map(|(picture, passes)| {
-                    let one = std::slice::from_ref(picture);
-                    (
-                        f64::from(*passes),
-                        figures(one, reference, None).relmse.value,
-                    )
-                })
-                .collect();
-            slope(&points)
-        })
-        .collect();
-    let slopes = slopes.filter(|s| !s.is_empty())?;
-    Some(Convergence {
-        setting: setting.name.clone(),
-        method: setting.settings.method.name().to_owned(),
-        passes: [*setting.checkpoints.first()?, *setting.checkpoints.last()?],
-        slope: Interval::of_seeds(&slopes),
-        theory: match setting.settings.method {
-            Method::Beam => -2.0 / 3.0,
-            Method::Point => -4.0 / 7.0,
-            Method::Path => -1.0,
-        },
-    })
+/// Slope of relMSE over the checkpoints, of each seed.
+fn slopes(setting: &Setting, runs: &[Run], reference: &Reference) -> Option<Vec<f64>> {
+    let relmse = |picture: &Pixels| {
+        let one = std::slice::from_ref(picture);
+        figures(one, reference, None).relmse.value
+    };
+    let of_seed = |run: &Run| {
+        let points: Vec<(f64, f64)> = run
+            .pictures
+            .iter()
+            .zip(&setting.checkpoints)
+            .map(|(picture, passes)| (f64::from(*passes), relmse(picture)))
+            .collect();
+        slope(&points)
+    };
+    runs.iter().map(of_seed).collect()
 }
 
 /// The processor, as Linux names it.

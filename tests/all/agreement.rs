@@ -416,7 +416,7 @@ fn check_gathers<S: Spectrum, H: Heading>(scene: &Scene, grids: &[&Grid]) {
     let volumes = grids
         .iter()
         .map(|g| LoadedVolume {
-            density: (*g).clone(),
+            density: (*g).clone().into(),
             temperature: None,
         })
         .collect();

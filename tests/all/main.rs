@@ -1,5 +1,6 @@
 //! All integration tests in one binary.
 
+mod accuracy;
 mod agreement;
 mod cli;
 mod effects;
@@ -16,9 +17,7 @@ mod scene_energy;
 mod scene_file;
 mod selftest;
 mod stats;
-mod study;
 mod surface;
-mod target_error;
 mod transmittance;
 mod transport;
 mod vdb_bad;

@@ -35,7 +35,7 @@ fn traced<S: Spectrum, H: Heading>(scene: &Scene, grids: &[&Grid]) -> Traced<S, 
     let volumes = grids
         .iter()
         .map(|g| LoadedVolume {
-            density: (*g).clone(),
+            density: (*g).clone().into(),
             temperature: None,
         })
         .collect();

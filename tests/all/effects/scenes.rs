@@ -29,8 +29,8 @@ pub(crate) struct Case {
 impl Case {
     pub(crate) fn volumes(&self) -> Vec<LoadedVolume> {
         let load = |(density, temperature): &(Grid, Option<Grid>)| LoadedVolume {
-            density: density.clone(),
-            temperature: temperature.clone(),
+            density: density.clone().into(),
+            temperature: temperature.clone().map(Into::into),
         };
         self.grids.iter().map(load).collect()
     }

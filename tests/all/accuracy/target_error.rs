@@ -3,41 +3,21 @@
 use std::fs;
 use std::ops::ControlFlow;
 use std::path::Path;
-use std::process::{Command, Output};
-use std::sync::atomic::AtomicBool;
+use std::process::Output;
 
 use vpm_vdb::film::{Film, Sample};
 use vpm_vdb::grid::load::load_volumes;
 use vpm_vdb::photon::radius::radius_scale;
-use vpm_vdb::progress::Silent;
-use vpm_vdb::render::error::{ErrorEstimate, ErrorWatch};
-use vpm_vdb::render::{Exec, PassDone, Watch, render_watched};
+use vpm_vdb::render::error::{ErrorEstimate, ErrorWatch, Pairs};
+use vpm_vdb::render::{PassDone, Watch};
 use vpm_vdb::report::Times;
 use vpm_vdb::rng::{Rng, Stage};
 use vpm_vdb::scene::{Method, Rgb, Scene};
 use vpm_vdb::world::LoadedVolume;
 
+use super::{fog, pixels};
+use crate::cli::{self, stderr, stdout};
 use crate::stats::{Welford, z_bound};
-
-/// Renders with a watch; colours of the picture.
-fn pixels(scene: &Scene, volumes: &[LoadedVolume], watch: &mut dyn Watch) -> Vec<[f64; 3]> {
-    let stop = AtomicBool::new(false);
-    let exec = Exec {
-        threads: None,
-        progress: &Silent,
-        time_limit: None,
-        warn: &|_| {},
-        stop: &stop,
-    };
-    let film = render_watched(scene, volumes.to_vec(), &exec, watch)
-        .expect("the scene renders")
-        .film;
-    let [width, height] = scene.camera.resolution;
-    (0..height)
-        .flat_map(|y| (0..width).map(move |x| (x, y)))
-        .map(|(x, y)| film.mean(x, y).to_array())
-        .collect()
-}
 
 /// Weighted by the reference, as in relMSE: mean of a figure of pixel and channel.
 fn weighted(reference: &[[f64; 3]], figure: impl Fn(usize, usize) -> f64) -> f64 {
@@ -87,7 +67,7 @@ fn coverage(file: &str, resolution: [u32; 2], photons: u64, target: f64, spp: u3
     let mut sums = [0.0; 4];
     for seed in 0..SEEDS {
         scene.settings.seed = seed;
-        let mut watch = ErrorWatch::new(Some(target), Method::Beam);
+        let mut watch = ErrorWatch::new(Some(target), Pairs::Sure, Method::Beam);
         let picture = pixels(&scene, &volumes, &mut watch);
         let told: ErrorEstimate = watch.estimate.expect("an estimate");
         assert!(told.reached(), "{file}: seed {seed} ended at {told:?}");
@@ -160,16 +140,13 @@ fn noise_and_bias_are_found() {
     const PASSES: u32 = 12;
     let (bias, shared, own) = (0.03, 0.03, 0.1);
     let mut rng = Rng::stream(5, Stage::Check, 3, 0);
-    let mut normal = || {
-        let (u, v) = (1.0 - rng.uniform_f64(), rng.uniform_f64());
-        (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
-    };
+    let mut normal = || super::normal(&mut rng);
     let trials = 300;
     let (mut noises, mut biases, mut held) = (Welford::default(), Welford::default(), 0);
     let scales: f64 = (0..PASSES).map(|j| f64::from(radius_scale(j, 2))).sum();
     for _ in 0..trials {
         let mut film = Film::new(SIDE, SIDE, None);
-        let mut watch = ErrorWatch::new(None, Method::Beam);
+        let mut watch = ErrorWatch::new(None, Pairs::Sure, Method::Beam);
         for pass in 0..PASSES {
             let blur = bias * f64::from(radius_scale(pass, 2));
             let mut block = [0.0; 2];
@@ -226,41 +203,16 @@ fn noise_and_bias_are_found() {
     assert!(share > 0.92, "the bound holds in {share}");
 }
 
-/// A small fog, dense enough for kernels to blur its lit side.
-const SCENE: &str = r#"
-[camera]
-position = [0.0, 0.0, 4.0]
-look_at = [0.0, 0.0, 0.0]
-vertical_fov = 40.0
-resolution = [16, 16]
-
-[render]
-photons = 5000
-neighbours = 100
-
-[[fog]]
-box = { min = [-1, -1, -1], max = [1, 1, 1] }
-extinction = 3.0
-albedo = 0.9
-
-[[light]]
-point = { position = [0.0, 2.0, 1.0], power = 50.0 }
-"#;
-
+/// Renders a small fog, dense enough for kernels to blur its lit side; the report.
 fn run(arguments: &[&str]) -> (Output, Option<serde_json::Value>) {
     let dir = tempfile::tempdir().expect("scratch folder");
-    fs::write(dir.path().join("fog.toml"), SCENE).expect("scratch scene");
-    let out = Command::new(env!("CARGO_BIN_EXE_vpm-vdb"))
-        .args(["render", "fog.toml", "--report", "report.json"])
-        .args(arguments)
-        .current_dir(dir.path())
-        .output()
-        .expect("the command starts");
+    let scene = fog([16, 16], 3.0, "photons = 5000\nneighbours = 100");
+    fs::write(dir.path().join("fog.toml"), scene).expect("scratch scene");
+    let render = ["render", "fog.toml", "--report", "report.json"];
+    let out = cli::run(dir.path(), &[&render, arguments].concat());
     let report = fs::read(dir.path().join("report.json")).ok();
-    (
-        out,
-        report.map(|r| serde_json::from_slice(&r).expect("a report")),
-    )
+    let report = report.map(|r| serde_json::from_slice(&r).expect("a report"));
+    (out, report)
 }
 
 #[test]
@@ -268,8 +220,8 @@ fn a_render_ends_at_its_target_and_says_so() {
     let mut passes = Vec::new();
     for target in ["40%", "20%"] {
         let (out, report) = run(&["--target-error", target]);
-        let stderr = String::from_utf8_lossy(&out.stderr).into_owned();
-        assert_eq!(out.status.code(), Some(0), "{stderr}");
+        let words = stderr(&out);
+        assert_eq!(out.status.code(), Some(0), "{words}");
         let report = report.expect("a report");
         let error = &report["error"];
         let share = |key: &str| error[key].as_f64().expect("a figure");
@@ -277,7 +229,7 @@ fn a_render_ends_at_its_target_and_says_so() {
         let sum = share("noise").hypot(share("bias"));
         assert!((sum / share("estimate") - 1.0).abs() < 1e-9, "{error}");
         passes.push(report["passes"].as_u64().expect("passes"));
-        let line = String::from_utf8_lossy(&out.stdout).into_owned();
+        let line = stdout(&out);
         assert!(line.contains("at 95 % confidence"), "{line}");
     }
     assert!(passes[1] > passes[0], "passes {passes:?}");
@@ -287,10 +239,10 @@ fn a_render_ends_at_its_target_and_says_so() {
 fn a_missed_target_is_told() {
     let (out, report) = run(&["--target-error", "0.01%", "--passes", "5"]);
     assert_eq!(out.status.code(), Some(1));
-    let stderr = String::from_utf8_lossy(&out.stderr).into_owned();
+    let words = stderr(&out);
     assert!(
-        stderr.contains("ended before the error was surely below"),
-        "{stderr}"
+        words.contains("ended before the error was surely below"),
+        "{words}"
     );
     let report = report.expect("the picture is written all the same");
     assert_eq!(report["passes"], 5);
@@ -299,16 +251,87 @@ fn a_missed_target_is_told() {
     assert_eq!(out.status.code(), Some(2), "a number without per cent");
 }
 
+/// Passes with rare bright paths: a pixel that one has hit must not weigh its own surprise down.
+/// Weights that share the pass with the residual tell 0.53 of this noise.
+#[test]
+fn rare_bright_paths_do_not_vouch_for_themselves() {
+    const SIDE: u32 = 16;
+    const PASSES: u32 = 12;
+    let (chance, bright) = (0.02, 5.0);
+    let mut rng = Rng::stream(6, Stage::Check, 4, 0);
+    let mut told = Welford::default();
+    for _ in 0..300 {
+        let mut film = Film::new(SIDE, SIDE, None);
+        let mut watch = ErrorWatch::new(None, Pairs::Sure, Method::Path);
+        for pass in 0..PASSES {
+            let samples: Vec<Sample> = (0..SIDE * SIDE)
+                .map(|_| Sample {
+                    direct: Rgb::splat(if rng.uniform_f64() < chance {
+                        1.0 - (chance * bright) as f32 + bright as f32
+                    } else {
+                        1.0 - (chance * bright) as f32
+                    }),
+                    ..Sample::NOTHING
+                })
+                .collect();
+            film.add_pass(&samples);
+            let done = PassDone {
+                pass,
+                dimension: 2,
+                film: &film,
+                samples: &samples,
+                second: None,
+                seconds: 0.0,
+                times: Times::default(),
+            };
+            assert!(watch.pass_done(&done).is_continue(), "there is no target");
+        }
+        told.add(watch.estimate.expect("an estimate").noise.powi(2));
+    }
+    let exact = bright * bright * chance * (1.0 - chance) / f64::from(PASSES) / 1.01;
+    let (share, scatter) = (
+        told.mean() / exact,
+        z_bound(1) * told.standard_error() / exact,
+    );
+    println!("{share:.3} of the noise is told, +- {scatter:.3}");
+    assert!(share > 1.0 - scatter, "{share} of the noise is told");
+    // Weights of few passes are too large.
+    assert!(share < 1.0 + 6.0 * exact + scatter, "{share}");
+}
+
+/// A picture for a time states its error too, after four passes.
+#[test]
+fn a_render_for_a_time_states_noise_and_bias() {
+    let (out, report) = run(&["--time", "1h", "--passes", "9"]);
+    assert_eq!(out.status.code(), Some(0), "{}", stderr(&out));
+    let error = &report.expect("a report")["error"];
+    assert!(error["target"].is_null(), "{error}");
+    assert_eq!(error["pairs"], 3, "passes 2, 4 and 8: {error}");
+    let share = |key: &str| error[key].as_f64().expect("a figure");
+    assert!(
+        share("noise") > 0.0 && share("upper") > share("estimate"),
+        "{error}"
+    );
+    let line = stdout(&out);
+    assert!(
+        line.contains("bias") && line.contains("at 95 % confidence"),
+        "{line}"
+    );
+
+    let (out, report) = run(&["--time", "1h", "--passes", "3"]);
+    assert!(
+        report.expect("a report")["error"].is_null(),
+        "three passes tell too little"
+    );
+    let line = stdout(&out);
+    assert!(line.contains("noise alone"), "{line}");
+}
+
 /// Path tracing has no kernels: no bias, and no second gather.
 #[test]
 fn paths_have_no_bias() {
     let (out, report) = run(&["--target-error", "40%", "--method", "path"]);
-    assert_eq!(
-        out.status.code(),
-        Some(0),
-        "{}",
-        String::from_utf8_lossy(&out.stderr)
-    );
+    assert_eq!(out.status.code(), Some(0), "{}", stderr(&out));
     let report = report.expect("a report");
     assert_eq!(report["error"]["bias"], 0.0);
     assert_eq!(report["error"]["pairs"], 0);

@@ -2,18 +2,16 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
+use std::thread;
+use std::time::{Duration, Instant, SystemTime};
 
 use vpm_vdb::rng::{Rng, Stage};
 use vpm_vdb::study::{Reference, figures, slope};
 
+use super::{fog, normal};
+use crate::cli::{self, stderr, stdout};
 use crate::stats::{Welford, z_bound};
-
-/// A standard normal number (Box & Muller 1958).
-fn normal(rng: &mut Rng) -> f64 {
-    let (u, v) = (1.0 - rng.uniform_f64(), rng.uniform_f64());
-    (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
-}
 
 /// Pictures with a known bias, noise that a block of pixels shares in part as photons' does, and a
 /// noisy reference: the estimates hit the truth on average, and the intervals hold it as often as
@@ -94,54 +92,35 @@ fn slopes_are_those_of_power_laws() {
     assert_eq!(slope(&[(1.0, 1.0), (2.0, -1.0)]), None, "no logarithm");
 }
 
-const SCENE: &str = r#"
-[camera]
-position = [0.0, 0.0, 4.0]
-look_at = [0.0, 0.0, 0.0]
-vertical_fov = 40.0
-resolution = [24, 16]
-
-[render]
-photons = 1600
-neighbours = 20
-max_bounces = 4
-
-[[fog]]
-box = { min = [-1, -1, -1], max = [1, 1, 1] }
-extinction = 1.0
-albedo = 0.8
-
-[[light]]
-point = { position = [0.0, 2.0, 1.0], power = 50.0 }
-"#;
-
-fn run(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_vpm-vdb"))
-        .args([
-            "study",
-            "fog.toml",
-            "-o",
-            "out",
-            "--quick",
-            "--threads",
-            "1",
-        ])
-        .args(arguments)
-        .current_dir(folder)
-        .output()
-        .expect("the command starts")
+fn scene(albedo: f64) -> String {
+    fog(
+        [24, 16],
+        1.0,
+        "photons = 1600\nneighbours = 20\nmax_bounces = 4",
+    )
+    .replace("albedo = 0.8", &format!("albedo = {albedo}"))
 }
 
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
+const STUDY: [&str; 7] = [
+    "study",
+    "fog.toml",
+    "-o",
+    "out",
+    "--quick",
+    "--threads",
+    "1",
+];
+
+fn run(folder: &Path, arguments: &[&str]) -> Output {
+    cli::run(folder, &[&STUDY, arguments].concat())
 }
 
 /// A folder with a finished quick study of a small fog.
 fn studied() -> tempfile::TempDir {
     let dir = tempfile::tempdir().expect("scratch folder");
-    fs::write(dir.path().join("fog.toml"), SCENE).expect("scratch scene");
+    fs::write(dir.path().join("fog.toml"), scene(0.8)).expect("scratch scene");
     let out = run(dir.path(), &[]);
-    assert_eq!(out.status.code(), Some(0), "{}", text(&out.stderr));
+    assert_eq!(out.status.code(), Some(0), "{}", stderr(&out));
     dir
 }
 
@@ -155,6 +134,17 @@ fn runs(folder: &Path) -> Vec<PathBuf> {
         .collect();
     files.sort();
     files
+}
+
+/// When each file was written.
+fn stamps(files: &[PathBuf]) -> Vec<SystemTime> {
+    files
+        .iter()
+        .map(|f| {
+            let known = fs::metadata(f).and_then(|m| m.modified());
+            known.expect("a file of the study")
+        })
+        .collect()
 }
 
 #[test]
@@ -188,17 +178,15 @@ fn a_study_is_whole_resumes_and_refuses_what_changed() {
 
     // Nothing is rendered twice; what is missing is.
     let before = runs(folder);
-    let stamps = |files: &[PathBuf]| -> Vec<_> {
-        files
-            .iter()
-            .map(|f| fs::metadata(f).unwrap().modified().unwrap())
-            .collect()
-    };
     let old = stamps(&before);
-    let csv = fs::read(folder.join("out/study.csv")).unwrap();
+    let lines = || {
+        let csv = fs::read_to_string(folder.join("out/study.csv")).unwrap();
+        csv.lines().count()
+    };
+    let rows_before = lines();
     fs::remove_file(&before[3]).unwrap();
     let out = run(folder, &[]);
-    assert_eq!(out.status.code(), Some(0), "{}", text(&out.stderr));
+    assert_eq!(out.status.code(), Some(0), "{}", stderr(&out));
     let after = runs(folder);
     assert_eq!(before, after, "the missing run is there again");
     let changed = old
@@ -207,20 +195,19 @@ fn a_study_is_whole_resumes_and_refuses_what_changed() {
         .filter(|(a, b)| **a != *b)
         .count();
     assert_eq!(changed, 1, "runs made again");
-    let again = text(&fs::read(folder.join("out/study.csv")).unwrap());
-    assert_eq!(text(&csv).lines().count(), again.lines().count(), "rows");
+    assert_eq!(rows_before, lines(), "rows");
 
     // A changed scene is another study.
-    fs::write(folder.join("fog.toml"), SCENE.replace("0.8", "0.7")).unwrap();
+    fs::write(folder.join("fog.toml"), scene(0.7)).unwrap();
     let out = run(folder, &[]);
     assert_eq!(out.status.code(), Some(2));
-    let message = text(&out.stderr);
+    let message = stderr(&out);
     assert!(
         message.contains("(changed: scene)") && message.contains("--anew"),
         "{message}"
     );
     let out = run(folder, &["--anew", "--budget", "1s"]);
-    assert_eq!(out.status.code(), Some(0), "{}", text(&out.stderr));
+    assert_eq!(out.status.code(), Some(0), "{}", stderr(&out));
 
     // A damaged run is told by name.
     let file = &runs(folder)[0];
@@ -228,33 +215,64 @@ fn a_study_is_whole_resumes_and_refuses_what_changed() {
     let out = run(folder, &["--budget", "1s"]);
     assert_eq!(out.status.code(), Some(2));
     let name = file.file_name().unwrap().to_string_lossy().into_owned();
-    let message = text(&out.stderr);
+    let message = stderr(&out);
     assert!(
         message.contains(&name) && message.contains("damaged"),
         "{message}"
     );
 }
 
+/// A study that is killed loses the run in hand; the same command makes the rest.
+#[test]
+fn a_killed_study_goes_on() {
+    let dir = tempfile::tempdir().expect("scratch folder");
+    fs::write(dir.path().join("fog.toml"), scene(0.8)).expect("scratch scene");
+    let mut child = Command::new(env!("CARGO_BIN_EXE_vpm-vdb"))
+        .args(STUDY)
+        .current_dir(dir.path())
+        .stdout(Stdio::null())
+        .spawn()
+        .expect("the command starts");
+    let begun = || dir.path().join("out/runs").is_dir() && runs(dir.path()).len() >= 4;
+    let patience = Instant::now();
+    while !begun() {
+        assert!(
+            patience.elapsed() < Duration::from_secs(300),
+            "no runs appear"
+        );
+        thread::sleep(Duration::from_millis(2));
+    }
+    child.kill().expect("it is still at work");
+    child.wait().expect("it ends");
+    let kept = runs(dir.path());
+    assert!(
+        !dir.path().join("out/index.html").exists(),
+        "it was at work"
+    );
+    let old = stamps(&kept);
+    let out = run(dir.path(), &[]);
+    assert_eq!(out.status.code(), Some(0), "{}", stderr(&out));
+    assert_eq!(old, stamps(&kept), "finished runs are kept");
+    assert!(runs(dir.path()).len() > kept.len(), "the rest is made");
+    assert!(dir.path().join("out/index.html").exists(), "the page");
+}
+
 #[test]
 fn a_reference_that_does_not_fit_is_refused() {
     let dir = tempfile::tempdir().expect("scratch folder");
-    fs::write(dir.path().join("fog.toml"), SCENE).unwrap();
+    fs::write(dir.path().join("fog.toml"), scene(0.8)).unwrap();
     let pixel = |_, _| (1.0_f32, 1.0_f32, 1.0_f32);
     exr::prelude::write_rgb_file(dir.path().join("square.exr"), 16, 16, pixel).unwrap();
     let out = run(dir.path(), &["--reference", "square.exr"]);
     assert_eq!(out.status.code(), Some(2));
     assert!(
-        text(&out.stderr).contains("its shape, 16x16"),
+        stderr(&out).contains("its shape, 16x16"),
         "{}",
-        text(&out.stderr)
+        stderr(&out)
     );
     let out = run(dir.path(), &["--reference", "none.exr"]);
     assert_eq!(out.status.code(), Some(2));
-    assert!(
-        text(&out.stderr).contains("none.exr"),
-        "{}",
-        text(&out.stderr)
-    );
+    assert!(stderr(&out).contains("none.exr"), "{}", stderr(&out));
 }
 
 /// The page opens from disk without the network and without a word on the console.
@@ -302,7 +320,7 @@ fn the_page_opens_in_a_browser() {
         .arg(format!("file://{}", probed.display()))
         .output()
         .expect("the browser starts");
-    let dom = text(&out.stdout);
+    let dom = stdout(&out);
     let title = dom
         .split("<title>")
         .nth(1)
@@ -311,9 +329,9 @@ fn the_page_opens_in_a_browser() {
         title,
         Some("edge 25% wide true images true"),
         "{}",
-        text(&out.stderr)
+        stderr(&out)
     );
-    let console: Vec<String> = text(&out.stderr)
+    let console: Vec<String> = stderr(&out)
         .lines()
         .filter(|l| l.contains("CONSOLE"))
         .map(str::to_owned)
