@@ -504,6 +504,13 @@ def ring():
     return (center + minor * normals).reshape(-1, 3), normals.reshape(-1, 3), triangles
 
 
+def snapped(mesh, step):
+    """Corners on multiples of a step [m]: triangles that would have no area in f32, once they stand
+    some metres away, vanish here."""
+    vertices, normals, triangles = mesh
+    return np.round(vertices / step) * step, normals, triangles
+
+
 def street_lamp():
     """A tapered pole of 6 m with an arm over +z; the light belongs under the hood, at
     (0, 5.78, 1.62)."""
@@ -514,7 +521,8 @@ def street_lamp():
     pole = tube(pole, np.linspace(0.080, 0.032, len(pole)), 24)
     hood = lambda p: smax(ellipsoid(p, (0, 5.80, 1.62), (0.14, 0.20, 0.30)), np.maximum(
         5.80 - p[:, 1], -ellipsoid(p, (0, 5.77, 1.62), (0.12, 0.17, 0.27))), 0.02)
-    return join([foot, pole, surface_nets(hood, (-0.2, 5.7, 1.2), (0.2, 6.05, 2.0), 0.02)])
+    hood = surface_nets(hood, (-0.2, 5.7, 1.2), (0.2, 6.05, 2.0), 0.02)
+    return join([foot, pole, snapped(hood, 2.0 ** -14)])
 
 
 def truss():

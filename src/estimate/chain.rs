@@ -196,8 +196,8 @@ impl<S: Spectrum, H: Heading> Chain<'_, S, H> {
                 sum.direct += link.throughput * self.sky(link, &bsdf, sampler);
             }
             if let Some(photons) = self.photons {
-                let normal = if hit.front { hit.normal } else { -hit.normal };
-                let (l, count) = photons.radiance(hit.position, normal, &bsdf, -direction);
+                let turn = sampler.uniform();
+                let (l, count) = photons.radiance((surfaces, &hit), &bsdf, -direction, turn);
                 sampler.counters.gathered_photons += count;
                 sum.indirect += link.throughput * l;
             }

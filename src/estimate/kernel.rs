@@ -60,6 +60,18 @@ impl Kernel {
         }
     }
 
+    /// Share of the disc's mass within `rho` of its middle, in radii, from 0 to 1:
+    /// `rho^2`, `1 - (1 - rho^2)^2`, `1 - (1 - rho^2)^3`.
+    #[must_use]
+    pub fn disc_within(self, rho: f32) -> f32 {
+        let beyond = 1.0 - rho * rho;
+        match self {
+            Self::Constant => rho * rho,
+            Self::Epanechnikov => 1.0 - beyond * beyond,
+            Self::Biweight => 1.0 - beyond * beyond * beyond,
+        }
+    }
+
     /// Share of the disc's mass on the middle's side of a line at distance `z` from it, in radii,
     /// from 0 to 1: 1/2 plus the integral of the kernel's marginal,
     /// `2/pi (1 - u^2)^(1/2)`, `8/(3 pi) (1 - u^2)^(3/2)`, `16/(5 pi) (1 - u^2)^(5/2)`.

@@ -2,12 +2,15 @@
 //!
 //! ```text
 //! dP/dV = 4 pi (1 - albedo) sigma_t(x) L_e(x)      [W/m3]
-//! Phi   = dP/dV / pdf(x),     pdf(x) = ((1 - FLAT) w_b / sum of w + FLAT / blocks) / V_b      [1/m3]
+//! pdf(x) = ((1 - FLAT) w_b / sum of w + FLAT / blocks) / V_b                                  [1/m3]
+//! Phi   = dP/dV(y) / d(y)  1/M sum_j d(x_j) / pdf(x_j),     d = mean of the channels of dP/dV  [W]
 //! ```
 //!
 //! Blocks of BLOCK^3 voxels are drawn by the mean w_b of the power density at a few of their
-//! points, a point in a block uniformly, a direction uniformly. Every place has a density above 0,
-//! so what the few points missed costs noise and no bias. Nobody samples this light: camera rays
+//! points, a point in a block uniformly: M candidates x_j, of which y is drawn by d(x_j) / pdf(x_j)
+//! (resampled importance sampling, Talbot, Cline & Egbert 2005), and a direction uniformly. Every
+//! place has a density above 0, so what the few points missed costs noise and no bias; the
+//! candidates make photons of one fire about equally heavy, since a heavy one is a bright blot. Nobody samples this light: camera rays
 //! see it where they go, and what it sheds on media and surfaces comes from photons, the first
 //! order included. A point in an object that owns its inside emits nothing: the medium is not
 //! there.
@@ -34,6 +37,9 @@ const POINTS: u32 = 8;
 /// Share of the photons that goes to all blocks alike: a photon weighs at most 1 / FLAT of one that
 /// was drawn from the right power.
 const FLAT: f32 = 0.1;
+
+/// Candidates for the place of a photon, M. Fewer: blots where a heavy photon falls; more: look-ups.
+const CANDIDATES: u32 = 8;
 
 /// See the module's page.
 #[derive(Debug, Clone)]
@@ -129,13 +135,26 @@ impl<S: Spectrum> Glow<S> {
     /// A photon from a point of the medium; see [`Light::emit`](super::Light::emit).
     #[must_use]
     pub fn emit(&self, world: &World<S>, u: [f32; 4], rng: &mut Rng) -> Option<Emitted<S>> {
-        let block = self.upper.partition_point(|end| *end <= u[0]);
-        let block = block.min(self.share.len() - 1);
-        let position = self.place(block, [u[1], u[2], u[3]]);
-        let density = density_of(&world.media[self.medium], position);
-        if density.is_zero() {
-            return None;
+        let medium = &world.media[self.medium];
+        let mut sum = 0.0;
+        let mut chosen = None;
+        let mut u = u;
+        for _ in 0..CANDIDATES {
+            let block = self.upper.partition_point(|end| *end <= u[0]);
+            let block = block.min(self.share.len() - 1);
+            let position = self.place(block, [u[1], u[2], u[3]]);
+            let density = density_of(medium, position);
+            let mean = density.mean();
+            let weight = mean * self.volume / self.share[block];
+            if weight > 0.0 {
+                sum += weight;
+                if rng.uniform() * sum < weight {
+                    chosen = Some((position, density * (1.0 / mean)));
+                }
+            }
+            u = [0; 4].map(|_| rng.uniform());
         }
+        let (position, colour) = chosen?;
         if let Some(surfaces) = &world.surfaces
             && surfaces.inside_at(position) != Inside::NOTHING
         {
@@ -147,7 +166,7 @@ impl<S: Spectrum> Glow<S> {
                 origin: position,
                 direction,
             },
-            power: density * (self.volume / self.share[block]),
+            power: colour * (sum / CANDIDATES as f32),
         })
     }
 }

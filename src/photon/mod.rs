@@ -31,6 +31,7 @@ mod heading;
 pub(crate) mod kdtree;
 pub mod map;
 pub mod radius;
+pub mod rim;
 pub mod surface;
 
 use glam::Vec3;
@@ -443,7 +444,7 @@ impl<S: Spectrum> Flight<'_, S> {
         if keep && (self.order > 0 || self.straight) && bsdf.is_diffuse() && !bsdf.is_black() {
             out.surface.push(SurfacePhoton {
                 position: hit.position,
-                normal: if hit.front { hit.normal } else { -hit.normal },
+                normal: hit.facing(),
                 direction,
                 power: arriving,
             });

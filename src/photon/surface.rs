@@ -10,24 +10,26 @@
 //! The radius belongs to the point that is looked at and comes from pilots that were traced once,
 //! so the estimate is linear in the photons of a pass and passes may shrink all radii by one
 //! factor (`photon::radius`); photons lie on surfaces, so distances extrapolate by the 2-D law.
-//! A photon counts if its normal is within `SAME_SIDE` of the point's, and if it lies no farther
+//! A photon counts if its normal is within `FLAT` of the point's, and if it lies no farther
 //! from the tangent plane than half its distance allows: the other wall of a corner and the other
 //! side of a thin plate are not mixed in. Sources: Jensen 2001, chapter 7; Silverman 1986.
 //!
-//! What remains is the boundary bias of every kernel: within r of an edge of the surface part of
-//! the disc holds no photons and the estimate is too dark, by half at the edge itself. It vanishes
-//! with r over the passes.
+//! Beside a wall or an edge part of the disc holds no photons: only what lies before the ends of the
+//! surface counts (`photon::rim`), divided by its share of the kernel,
+//! ```text
+//! L(x, w) = sum_(i kept) f Phi_i K / share
+//! ```
+//! Where light changes along the surface that leaves a bias of first order in r within r of an end,
+//! and one of second order elsewhere; both vanish with r over the passes. Open sheets that end in
+//! the air, and bodies thinner than r, stay too dark there.
 
 use glam::Vec3;
 
 use super::radius::PILOT_NEIGHBOURS;
+use super::rim::{FLAT, Rim};
 use crate::estimate::kernel::Kernel;
 use crate::spectrum::Spectrum;
-use crate::surface::Bsdf;
-
-/// Smallest cosine between normals that count as one surface. Lower: light bends around edges;
-/// higher: strongly curved surfaces lose photons.
-const SAME_SIDE: f32 = 0.7;
+use crate::surface::{Bsdf, Hit, Surfaces};
 
 /// A photon that arrives on a diffuse surface.
 #[derive(Debug, Clone, Copy)]
@@ -146,7 +148,7 @@ impl<S: Spectrum> SurfaceMap<S> {
 #[inline]
 fn one_surface<S>(photon: &SurfacePhoton<S>, p: Vec3, normal: Vec3, d2: f32) -> bool {
     let off = (photon.position - p).dot(normal);
-    photon.normal.dot(normal) > SAME_SIDE && off * off <= 0.25 * d2
+    photon.normal.dot(normal) > FLAT && off * off <= 0.25 * d2
 }
 
 /// Sorts a run into the tree.
@@ -221,24 +223,33 @@ pub struct SurfaceGather<'a, S> {
 }
 
 impl<S: Spectrum> SurfaceGather<'_, S> {
-    /// Radiance that leaves `p` along `w_out`, on the side of `normal`; also the number of photons
-    /// that were added. \[W/(m2 sr)\]
+    /// Radiance that leaves a hit along `w_out`; also the number of photons that were added. `turn`
+    /// from 0 to 1 turns the look-around for the surface's ends. \[W/(m2 sr)\]
     #[must_use]
-    pub fn radiance(&self, p: Vec3, normal: Vec3, bsdf: &Bsdf, w_out: Vec3) -> (S, u64) {
+    pub fn radiance(
+        &self,
+        (surfaces, hit): (&Surfaces, &Hit),
+        bsdf: &Bsdf,
+        w_out: Vec3,
+        turn: f32,
+    ) -> (S, u64) {
         if self.map.is_empty() {
             return (S::ZERO, 0);
         }
+        let (p, normal) = (hit.position, hit.facing());
         let r = self.radius.at(p, normal) * self.scale;
+        let rim = Rim::around(surfaces, hit, normal, r, turn);
         let (mut sum, mut count) = (S::ZERO, 0);
         let inverse = 1.0 / (r * r);
         self.map.near(p, r * r, |photon, d2| {
-            if one_surface(photon, p, normal, d2) {
+            if one_surface(photon, p, normal, d2) && rim.holds(photon.position) {
                 let f = S::from_rgb(bsdf.gather(photon.direction, w_out));
                 sum += f * photon.power * Kernel::Biweight.shape(d2 * inverse);
                 count += 1;
             }
             r * r
         });
-        (sum * (Kernel::Biweight.disc() * inverse), count)
+        let share = rim.share(Kernel::Biweight, r, turn);
+        (sum * (Kernel::Biweight.disc() * inverse / share), count)
     }
 }

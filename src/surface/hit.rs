@@ -42,6 +42,16 @@ pub struct Hit {
 }
 
 impl Hit {
+    /// Geometric unit normal on the side from which the ray came.
+    #[must_use]
+    pub fn facing(&self) -> Vec3 {
+        if self.front {
+            self.normal
+        } else {
+            -self.normal
+        }
+    }
+
     /// Where a ray along `direction` (of travel) starts when it leaves this point. \[m\]
     #[must_use]
     pub fn spawn_origin(&self, direction: Vec3) -> Vec3 {

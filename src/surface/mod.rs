@@ -106,6 +106,19 @@ pub struct Crossing {
     pub inwards: bool,
 }
 
+/// A surface that a ray meets and light does not pass.
+#[derive(Debug, Clone, Copy)]
+pub struct Met {
+    /// Distance along the ray. \[m\]
+    pub t: f32,
+    /// Index in the scene's list of objects.
+    pub object: u32,
+    /// Geometric unit normal: outwards.
+    pub normal: Vec3,
+    /// The ray goes against the normal.
+    pub inwards: bool,
+}
+
 impl Surfaces {
     /// Loads and places every object; positions are relative to `origin` \[m\].
     ///
@@ -228,6 +241,40 @@ impl Surfaces {
         self.hierarchy.any(&ray, t_max, |index| {
             self.parts[self.leaves[index as usize].object as usize].blocks()
         })
+    }
+
+    /// Visits every surface in (0, `t_max`) but glass and interfaces, in no order.
+    pub fn opaque_along(
+        &self,
+        origin: Vec3,
+        direction: Vec3,
+        t_max: f32,
+        mut visit: impl FnMut(Met),
+    ) {
+        let ray = Ray::new(origin, direction);
+        self.hierarchy.all(&ray, t_max, |index, t, inwards| {
+            let object = self.leaves[index as usize].object;
+            if !matches!(
+                self.parts[object as usize].material,
+                Material::Glass { .. } | Material::Interface
+            ) {
+                let normal = match self.hierarchy.primitive(index) {
+                    Primitive::Triangle(corners) => normal(&corners).normalize().as_vec3(),
+                    Primitive::Ellipsoid(e) => {
+                        let ellipsoid = self.hierarchy.ellipsoid(e);
+                        let unit = ellipsoid.unit_point(origin, direction, f64::from(t));
+                        ellipsoid.normal(unit).as_vec3()
+                    }
+                };
+                visit(Met {
+                    t,
+                    object,
+                    normal,
+                    inwards,
+                });
+            }
+            ControlFlow::Continue(())
+        });
     }
 
     /// As [`occluded`](Self::occluded); when nothing blocks, `crossings` holds the boundaries of

@@ -51,6 +51,25 @@ fn a_white_wall_in_a_white_medium_is_invisible() {
     is_one("white wall", wall, "beam", 0.0);
 }
 
+/// Floor and two walls that meet, and a block that stands on them: discs of photons reach into walls
+/// and over the block's edges, where there are none.
+#[test]
+fn a_white_corner_in_a_sky_is_invisible() {
+    let block = |name: &str, low: &str, high: &str| {
+        format!(
+            "[[object]]\nname = \"{name}\"\nshape = {{ box = {{ min = {low}, max = {high} }} }}\n\
+            material = {{ diffuse = {{ reflectance = 1.0 }} }}\n"
+        )
+    };
+    let corner = [
+        block("floor", "[-1, -1.2, -1.2]", "[4, -1.0, 4]"),
+        block("back", "[-1, -1.2, -1.4]", "[4, 4, -1.2]"),
+        block("left", "[-1.2, -1.2, -1.4]", "[-1, 4, 4]"),
+        block("block", "[0.0, -1.0, -0.4]", "[0.5, -0.3, 0.2]"),
+    ];
+    is_one("white corner", &corner.concat(), "beam", 0.0);
+}
+
 #[test]
 fn a_white_medium_in_an_interface_is_invisible() {
     let cube = "[[object]]\nshape = { box = { min = [-1, -1, -1], max = [1, 1, 1] } }\n\
