@@ -38,6 +38,10 @@ pub(crate) const FLAT: f32 = 0.7;
 /// Directions of the integral for more than one line.
 const SPOKES: u32 = 64;
 
+/// Crossings that are looked through for the end of a body: one that has more within the radius is
+/// not cut.
+const CROSSINGS: usize = 16;
+
 /// A straight end of a piece of surface.
 #[derive(Debug, Clone, Copy)]
 struct Line {
@@ -80,16 +84,10 @@ impl Rim {
             if let Some((t, toward)) = nearest {
                 rim.add(direction, t, toward);
             }
-            let mut nearest = None;
-            surfaces.opaque_along(below, direction, radius, |met| {
-                let leaves = met.object == hit.object && !met.inwards;
-                let edge = leaves && met.normal.dot(normal) <= FLAT;
-                if edge && nearest.is_none_or(|(t, _)| met.t < t) {
-                    nearest = Some((met.t, -met.normal));
-                }
-            });
-            if let Some((t, toward)) = nearest {
-                rim.add(direction, t, toward);
+            if let Some((t, outwards)) = body_end(surfaces, below, direction, radius)
+                && outwards.dot(normal) <= FLAT
+            {
+                rim.add(direction, t, -outwards);
             }
         }
         rim
@@ -172,9 +170,76 @@ impl Rim {
     }
 }
 
+/// Where the bodies around `origin`, in a line, end within `reach`, and their normal there. A body
+/// that begins where another ends (columns of one wall, boxes side by side) goes on.
+fn body_end(surfaces: &Surfaces, origin: Vec3, direction: Vec3, reach: f32) -> Option<(f32, Vec3)> {
+    let mut met = [(0.0f32, false, Vec3::ZERO); CROSSINGS];
+    let mut count = 0;
+    surfaces.opaque_along(origin, direction, reach, |m| {
+        if count < CROSSINGS {
+            met[count] = (m.t, m.inwards, m.normal);
+        }
+        count += 1;
+    });
+    let met = met.get(..count)?;
+    let ends = met.iter().filter(|(t, inwards, _)| {
+        let entered =
+            |(at, inwards, _): &&(f32, bool, Vec3)| *inwards && *at <= *t + HEIGHT * reach;
+        let left = |(at, inwards, _): &&(f32, bool, Vec3)| !*inwards && *at <= *t;
+        !*inwards && met.iter().filter(left).count() > met.iter().filter(entered).count()
+    });
+    ends.min_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(t, _, normal)| (*t, *normal))
+}
+
 #[cfg(test)]
 mod tests {
+    use glam::{DAffine3, DVec3};
+
     use super::*;
+    use crate::scene::{Material, Object, Rgb, Shape};
+
+    fn block(min: [f64; 3], max: [f64; 3]) -> Object {
+        Object {
+            name: "block".to_owned(),
+            shape: Shape::Box {
+                min: DVec3::from(min),
+                max: DVec3::from(max),
+            },
+            transform: DAffine3::IDENTITY,
+            material: Material::Diffuse {
+                reflectance: Rgb::ONE,
+                texture: None,
+            },
+            interior: None,
+        }
+    }
+
+    /// Two blocks that share a face are one floor; it ends at its own edge, and at a wall on it.
+    #[test]
+    fn a_floor_ends_at_its_edge_and_at_walls() {
+        let floor = [
+            block([0.0, -1.0, 0.0], [1.0, 0.0, 1.0]),
+            block([1.0, -1.0, 0.0], [2.0, 0.0, 1.0]),
+            block([1.5, 0.0, 0.0], [1.6, 1.0, 1.0]),
+        ];
+        let surfaces = Surfaces::build(&floor, DVec3::ZERO).expect("blocks");
+        for (x, share) in [
+            (0.95, 1.0),
+            (0.1, Kernel::Biweight.mass_within(0.1 / 0.3)),
+            (1.4, Kernel::Biweight.mass_within(0.1 / 0.3)),
+            (1.9, Kernel::Biweight.mass_within(0.1 / 0.3)),
+        ] {
+            let hit = surfaces
+                .intersect(Vec3::new(x, 0.5, 0.5), Vec3::NEG_Y, 1.0)
+                .expect("the floor");
+            for turn in [0.0, 0.2, 0.5, 0.9] {
+                let rim = Rim::around(&surfaces, &hit, Vec3::Y, 0.3, turn);
+                let found = rim.share(Kernel::Biweight, 0.3, turn);
+                assert!((found - share).abs() < 1e-3, "x {x}: {found}, {share}");
+            }
+        }
+    }
 
     /// Two walls at right angles: shares against a sum over the disc.
     #[test]

@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod agreement;
+mod bad_scenes;
 mod cli;
 mod effects;
 mod fields;

@@ -6,6 +6,7 @@
 //! few passes show it most.
 
 use super::{Figure, block_means, scene};
+use crate::stats::t_bound;
 
 /// What is to agree, and how well.
 struct Case {
@@ -97,6 +98,41 @@ fn glass_in_fog_under_a_ball() {
         spp: 256,
         methods: &["beam", "point"],
     });
+}
+
+/// The volume caustic: fog below a glass ball under a lamp so large that paths find it through the
+/// glass. Blocks of fog alone, the ball out of view, by t-tests without any allowance. The light
+/// that the ball focuses is a seventh of what the upper middle blocks show.
+#[test]
+fn a_volume_caustic_agrees_with_converged_paths() {
+    let text = "[camera]\nposition = [0, 0.15, 4]\nlook_at = [0, 0.15, 0]\nvertical_fov = 12\n\
+        resolution = [16, 16]\n\
+        [[fog]]\nbox = { min = [-1.2, -0.6, -1.2], max = [1.2, 1.4, 1.2] }\nextinction = 0.4\nalbedo = 0.9\n\
+        [[light]]\nquad = { corner = [-0.8, 2.6, -0.8], edge_u = [1.6, 0, 0], edge_v = [0, 0, 1.6], radiance = 5.0 }\n";
+    let ball = "[[object]]\nshape = { sphere = { center = [0, 0.9, 0], radius = 0.3 } }\n\
+        material = { glass = { ior = 1.5 } }\n";
+    let beam =
+        "[render]\nmethod = \"beam\"\nphotons = 60000\npasses = 1\nneighbours = 20\nspp = 4\n";
+    let path = "[render]\nmethod = \"path\"\nspp = 2048\n";
+    let seeds = 10;
+    let blocks = |parts: &[&str]| block_means(&scene(&parts.concat()), 4, seeds);
+    let (beam, path) = (blocks(&[text, ball, beam]), blocks(&[text, ball, path]));
+    let without = blocks(&[text, "[render]\nmethod = \"path\"\nspp = 1024\n"]);
+    let t = |a: &Figure, b: &Figure| (a.mean - b.mean) / a.error.hypot(b.error);
+    let bound = t_bound(beam.len(), (seeds - 1) as f64);
+    for (i, (b, p)) in beam.iter().zip(&path).enumerate() {
+        let t = t(b, p);
+        println!("block {i}: {:.4}, t {t:.2}", b.mean / p.mean);
+        assert!(t.abs() < bound, "block {i}: t {t}, at most {bound}");
+    }
+    for i in [1, 2] {
+        let t = t(&path[i], &without[i]);
+        println!(
+            "block {i}: {:.4} of it without the ball, t {t:.1}",
+            without[i].mean / path[i].mean
+        );
+        assert!(t > bound, "block {i} shows the caustic: t {t}");
+    }
 }
 
 #[test]
