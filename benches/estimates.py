@@ -25,6 +25,7 @@ SCENES = {
     "cloud": ("320x200", {}),
     "smoky_cornell": ("256x256", {}),
     "foggy_street": ("320x180", {}),
+    "concert_stage": ("320x200", {}),
 }
 REFERENCE_SPP = 64
 # First order, and what else the point estimate is told: the slides' nearest photons at steps of its
