@@ -69,7 +69,8 @@ fn targets(study: &Study, options: &Options) -> String {
     let mut out = String::from(
         "<section><h2>For this error, use this setting</h2>\n\
          <p>Error is √relMSE. The second time is for the scene's own resolution, where camera \
-         rays take longer in proportion to the pixels and photons do not.</p>\n\
+         rays take longer in proportion to the pixels and photons do not. Extrapolated: by the \
+         method's rate, not rendered.</p>\n\
          <div class=\"scroll\"><table class=\"targets\"><thead><tr><th>error</th><th>method</th>\
          <th>time here</th><th>at full size</th></tr></thead>\n<tbody>\n",
     );
@@ -78,7 +79,7 @@ fn targets(study: &Study, options: &Options) -> String {
             None => "<td colspan=\"3\">no setting of this study reaches it</td>".to_owned(),
             Some(c) => {
                 let mark = if c.extrapolated {
-                    " <small>by its rate, not rendered</small>"
+                    " <small>extrapolated</small>"
                 } else {
                     ""
                 };
@@ -143,7 +144,7 @@ fn equal_time(study: &Study) -> String {
     let mut out = format!(
         "<section><h2>After the same time</h2>\n<p>relMSE at the scene's own resolution.</p>\n\
          <div class=\"scroll\"><table><thead><tr><th>time</th><th>{first}</th><th>other</th>\
-         <th></th><th>ratio</th></tr></thead>\n<tbody>\n",
+         <th>its</th><th>ratio</th></tr></thead>\n<tbody>\n",
     );
     for e in &study.equal_time {
         let _ = writeln!(

@@ -1,7 +1,7 @@
 //! One chart: lines with whiskers over logarithmic axes, as SVG whose text is text.
 //!
 //! Whiskers are 95 % intervals; a value that is not above 0 within its noise (a bias too small to
-//! see) is drawn as a hollow triangle at the upper end of its interval.
+//! see) is drawn as a triangle at the upper end of its interval.
 
 use std::ops::Range;
 

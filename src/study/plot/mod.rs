@@ -113,7 +113,7 @@ fn radius(study: &Study, method: &str) -> Result<Option<Plot>, StudyError> {
         name: "bias-radius",
         caption: format!(
             "Neighbours changed, all else equal, {passes} passes: a larger kernel blurs more and \
-             is less noisy. Hollow triangles: upper bounds of a bias too small to see."
+             is less noisy. Triangles: upper bounds of a bias too small to see."
         ),
         svg,
     }))

@@ -53,7 +53,7 @@ pub(super) fn convergence(study: &Study) -> Result<Option<Plot>, StudyError> {
         "photons emitted",
         "relMSE [1]",
         &lines,
-        SeriesLabelPosition::LowerLeft,
+        SeriesLabelPosition::UpperRight,
     )?;
     Ok(Some(Plot {
         name: "convergence",
@@ -100,7 +100,7 @@ pub(super) fn parts(study: &Study) -> Result<Option<Plot>, StudyError> {
         "photons emitted",
         "share of relMSE [1]",
         &lines,
-        SeriesLabelPosition::LowerLeft,
+        SeriesLabelPosition::UpperRight,
     )?;
     Ok(Some(Plot {
         name: "rate",
