@@ -205,9 +205,8 @@ fn parts(c: &Convergence) -> String {
         .bias_slope
         .map_or_else(String::new, |s| format!(", bias² to the {s:.3}"));
     format!(
-        "; variance to the {slope:.3}{bias}; {first:.0} % of the variance is the camera rays' after \
-         {} passes, {last:.0} % after {}",
-        c.passes[0], c.passes[1]
+        "; variance to the {slope:.3}{bias}; of the variance {first:.0} % at first and {last:.0} % \
+         at last has no radius, as the noise of camera rays"
     )
 }
 

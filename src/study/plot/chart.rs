@@ -120,27 +120,67 @@ fn range(values: impl Iterator<Item = f64>, padding: f64) -> Option<Range<f64>> 
 }
 
 /// A chart with a title and labels of its axes.
-pub(super) fn log_log(
-    title: &str,
-    x: &str,
-    y: &str,
-    lines: &[Line],
-    legend: SeriesLabelPosition,
-) -> Result<String, StudyError> {
+pub(super) fn log_log(title: &str, x: &str, y: &str, lines: &[Line]) -> Result<String, StudyError> {
     let mut svg = String::new();
-    draw(&mut svg, [title, x, y], lines, legend).map_err(|reason| StudyError::Plot {
+    draw(&mut svg, [title, x, y], lines).map_err(|reason| StudyError::Plot {
         name: format!("'{title}'"),
         reason,
     })?;
     Ok(svg)
 }
 
-fn draw(
-    svg: &mut String,
-    [title, x, y]: [&str; 3],
-    lines: &[Line],
-    legend: SeriesLabelPosition,
-) -> Result<(), String> {
+/// The corner whose legend covers least of the lines.
+fn emptiest_corner(lines: &[Line], xs: &Range<f64>, ys: &Range<f64>) -> SeriesLabelPosition {
+    /// Parts into which the way between two points is cut.
+    const PARTS: u32 = 8;
+    // Of the plot's width and height, about.
+    let (wide, high) = (0.5, 0.09 * lines.len() as f64 + 0.05);
+    let share = |v: f64, range: &Range<f64>| {
+        ((v / range.start).ln() / (range.end / range.start).ln()).clamp(0.0, 1.0)
+    };
+    let places: Vec<(f64, f64)> = lines
+        .iter()
+        .flat_map(|line| {
+            let marks: Vec<(f64, f64)> = line
+                .points
+                .iter()
+                .map(|(x, v)| {
+                    let y = if v.value > 0.0 { Some(v.value) } else { v.high };
+                    (share(*x, xs), share(y.unwrap_or(ys.start), ys))
+                })
+                .collect();
+            let between: Vec<(f64, f64)> = marks
+                .windows(2)
+                .flat_map(|pair| {
+                    let [(x0, y0), (x1, y1)] = [pair[0], pair[1]];
+                    (0..=PARTS).map(move |i| {
+                        let t = f64::from(i) / f64::from(PARTS);
+                        (x0 + t * (x1 - x0), y0 + t * (y1 - y0))
+                    })
+                })
+                .collect();
+            marks.into_iter().chain(between)
+        })
+        .collect();
+    [
+        (SeriesLabelPosition::UpperRight, [true, true]),
+        (SeriesLabelPosition::LowerLeft, [false, false]),
+        (SeriesLabelPosition::LowerRight, [true, false]),
+        (SeriesLabelPosition::UpperLeft, [false, true]),
+    ]
+    .into_iter()
+    .min_by_key(|(_, [right, upper])| {
+        let covers = |(x, y): &&(f64, f64)| {
+            let x = if *right { 1.0 - x } else { *x };
+            let y = if *upper { 1.0 - y } else { *y };
+            x < wide && y < high
+        };
+        places.iter().filter(covers).count()
+    })
+    .map_or(SeriesLabelPosition::UpperRight, |(corner, _)| corner)
+}
+
+fn draw(svg: &mut String, [title, x, y]: [&str; 3], lines: &[Line]) -> Result<(), String> {
     let text = |e: &dyn std::fmt::Display| e.to_string();
     let points = || lines.iter().flat_map(|l| &l.points);
     let values = points().flat_map(|(_, v)| {
@@ -241,7 +281,7 @@ fn draw(
     }
     chart
         .configure_series_labels()
-        .position(legend)
+        .position(emptiest_corner(lines, &xs, &ys))
         .label_font((FONT, 17))
         .background_style(WHITE.mix(0.85))
         .border_style(RGBColor(200, 200, 200))

@@ -4,7 +4,7 @@ mod chart;
 mod progress;
 mod stages;
 
-use plotters::prelude::{RGBColor, SeriesLabelPosition};
+use plotters::prelude::RGBColor;
 
 use super::StudyError;
 use super::figures::Interval;
@@ -78,7 +78,6 @@ fn error_time(study: &Study) -> Result<Plot, StudyError> {
         &format!("time at {w} x {h} pixels [s]"),
         "relMSE [1]",
         &lines,
-        SeriesLabelPosition::UpperRight,
     )?;
     Ok(Plot {
         name: "error-time",
@@ -107,7 +106,6 @@ fn radius(study: &Study, method: &str) -> Result<Option<Plot>, StudyError> {
         "radius / radius of the scene's first pass [1]",
         "share of relMSE [1]",
         &lines,
-        SeriesLabelPosition::LowerRight,
     )?;
     Ok(Some(Plot {
         name: "bias-radius",
@@ -163,7 +161,6 @@ fn step(study: &Study, method: &str) -> Result<Vec<Plot>, StudyError> {
                 "step [voxels]",
                 "share of relMSE [1]",
                 &error,
-                SeriesLabelPosition::LowerRight,
             )?,
         },
         Plot {
@@ -175,7 +172,6 @@ fn step(study: &Study, method: &str) -> Result<Vec<Plot>, StudyError> {
                 "step [voxels]",
                 "time of camera rays [s]",
                 &time,
-                SeriesLabelPosition::UpperRight,
             )?,
         },
     ])
@@ -196,7 +192,6 @@ fn orders(study: &Study, method: &str) -> Result<Option<Plot>, StudyError> {
         "highest scattering order",
         "relMSE [1]",
         &lines,
-        SeriesLabelPosition::UpperRight,
     )?;
     Ok(Some(Plot {
         name: "error-orders",

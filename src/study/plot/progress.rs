@@ -1,8 +1,6 @@
 //! How the error of progressive methods falls: relMSE with the slope of the theory, and its parts
 //! with their laws (`rate`).
 
-use plotters::prelude::SeriesLabelPosition;
-
 use super::chart::{BLACK, BLUE, Line, ORANGE, Style, enough, exact, log_log};
 use super::{Plot, interval_words, method_colour, relmse};
 use crate::study::StudyError;
@@ -53,7 +51,6 @@ pub(super) fn convergence(study: &Study) -> Result<Option<Plot>, StudyError> {
         "photons emitted",
         "relMSE [1]",
         &lines,
-        SeriesLabelPosition::UpperRight,
     )?;
     Ok(Some(Plot {
         name: "convergence",
@@ -100,7 +97,6 @@ pub(super) fn parts(study: &Study) -> Result<Option<Plot>, StudyError> {
         "photons emitted",
         "share of relMSE [1]",
         &lines,
-        SeriesLabelPosition::UpperRight,
     )?;
     Ok(Some(Plot {
         name: "rate",
