@@ -114,7 +114,7 @@ const WAYS: [Way; 5] = [
         let mut sum = 0.0;
         let mut count = 0;
         for ray in &w.rays {
-            count += walk(g, &w.majorants, ray, 0.0, 1.0, |piece| {
+            count += walk(g, &w.majorants, &ray.into(), 0.0, 1.0, |piece| {
                 sum += piece.integral;
                 true
             });

@@ -46,11 +46,18 @@ fn main() {
         let mut error = 0.0f64;
         for ray in &rays {
             let mut depth = 0.0;
-            walk(&grid, &majorants, ray, 0.0, f32::INFINITY, |piece| {
-                depth += piece.integral;
-                middles.push(ray.at(0.5 * (piece.t_min + piece.t_max)));
-                true
-            });
+            walk(
+                &grid,
+                &majorants,
+                &ray.into(),
+                0.0,
+                f32::INFINITY,
+                |piece| {
+                    depth += piece.integral;
+                    middles.push(ray.at(0.5 * (piece.t_min + piece.t_max)));
+                    true
+                },
+            );
             let exact = Depth::new(&grid, ray, f64::INFINITY).total();
             if exact > 0.0 {
                 error = error.max((depth / exact - 1.0).abs());
@@ -64,10 +71,17 @@ fn main() {
             let (marching, _) = timed(|| {
                 let mut depth = 0.0;
                 for ray in &rays {
-                    walk(&grid, &majorants, ray, 0.0, f32::INFINITY, |piece| {
-                        depth += piece.integral;
-                        true
-                    });
+                    walk(
+                        &grid,
+                        &majorants,
+                        &ray.into(),
+                        0.0,
+                        f32::INFINITY,
+                        |piece| {
+                            depth += piece.integral;
+                            true
+                        },
+                    );
                 }
                 depth
             });

@@ -98,11 +98,17 @@ fn whole_march(media: &[Medium<f32>], ray: &Ray, t_max: f32, sampler: &mut Sampl
         let Field::Grid(field) = &medium.field else {
             continue;
         };
-        sampler.counters.density_lookups +=
-            vpm_vdb::grid::walk::walk(&field.grid, &field.majorants, ray, 0.0, t_max, |piece| {
+        sampler.counters.density_lookups += vpm_vdb::grid::walk::walk(
+            &field.grid,
+            &field.majorants,
+            &ray.into(),
+            0.0,
+            t_max,
+            |piece| {
                 depth += f64::from(medium.sigma_t) * piece.integral;
                 true
-            });
+            },
+        );
     }
     (-depth).exp() as f32
 }

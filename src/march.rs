@@ -117,7 +117,7 @@ impl<S: Spectrum> Profile<S> {
                 Field::Plateau(field) => {
                     field
                         .plateau
-                        .pieces(&field.local_ray(ray), 0.0, t_end, |piece| {
+                        .pieces(&field.placement.exact_ray(ray), 0.0, t_end, |piece| {
                             profile.push(piece);
                             profile.knots.last().is_some_and(|last| last.depth < spent)
                         });
@@ -328,7 +328,7 @@ pub fn transmittance<S: Spectrum>(
             Field::Plateau(field) => {
                 field
                     .plateau
-                    .pieces(&field.local_ray(ray), 0.0, t_max, |piece| {
+                    .pieces(&field.placement.exact_ray(ray), 0.0, t_max, |piece| {
                         depth += piece.integral;
                         depth < f64::from(spent)
                     });
@@ -337,7 +337,7 @@ pub fn transmittance<S: Spectrum>(
                 sampler.counters.density_lookups += walk(
                     &field.grid,
                     &field.majorants,
-                    &field.local_ray(ray),
+                    &field.placement.exact_ray(ray),
                     0.0,
                     t_max,
                     |piece| {
@@ -372,9 +372,9 @@ impl<S: Spectrum> MediumProfile<S> {
         spent: f32,
         counters: &mut Counters,
     ) {
-        let local = field.local_ray(ray);
         match march {
             March::Exact => {
+                let local = field.placement.exact_ray(ray);
                 let lookups = walk(&field.grid, &field.majorants, &local, 0.0, t_max, |piece| {
                     self.push(piece);
                     self.knots.last().is_some_and(|last| last.depth < spent)
@@ -382,6 +382,7 @@ impl<S: Spectrum> MediumProfile<S> {
                 counters.density_lookups += lookups;
             }
             March::Step(voxels) => {
+                let local = field.placement.local_ray(ray);
                 let Some((t0, t1)) = field.grid.support().clip(&local, 0.0, t_max) else {
                     return;
                 };

@@ -1,6 +1,6 @@
 //! Rays and boxes: p(t) = origin + t direction.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 /// A ray; in world space its direction has unit length and t is in metres.
 #[derive(Debug, Clone, Copy)]
@@ -17,6 +17,44 @@ impl Ray {
     #[must_use]
     pub fn at(&self, t: f32) -> Vec3 {
         self.origin + self.direction * t
+    }
+}
+
+/// A ray in f64: integrals along it keep what f32 would round off its place.
+#[derive(Debug, Clone, Copy)]
+pub struct ExactRay {
+    /// Start.
+    pub origin: DVec3,
+    /// Direction of travel.
+    pub direction: DVec3,
+}
+
+impl ExactRay {
+    /// The point at parameter t.
+    #[inline]
+    #[must_use]
+    pub fn at(&self, t: f64) -> DVec3 {
+        self.origin + self.direction * t
+    }
+
+    /// The nearest ray in f32.
+    #[inline]
+    #[must_use]
+    pub fn rounded(&self) -> Ray {
+        Ray {
+            origin: self.origin.as_vec3(),
+            direction: self.direction.as_vec3(),
+        }
+    }
+}
+
+impl From<&Ray> for ExactRay {
+    #[inline]
+    fn from(ray: &Ray) -> Self {
+        Self {
+            origin: ray.origin.as_dvec3(),
+            direction: ray.direction.as_dvec3(),
+        }
     }
 }
 

@@ -34,7 +34,8 @@ const ROULETTE_BELOW: f32 = 0.5;
 /// of mirrors are cut short; the darkest of them lose less than f32 resolves.
 pub const MAX_PREFIX: u32 = 256;
 
-/// Straight pieces of a path, boundaries passed included: an end to numerical loops.
+/// Straight pieces of a path in a row that scatter nothing, boundaries passed one by one: an end
+/// to numerical loops. Fewer: what lies behind that many boundaries is dark.
 const MAX_PIECES: u32 = 100_000;
 
 /// One path from the camera.
@@ -51,10 +52,10 @@ pub fn trace_path<S: Spectrum>(world: &World<S>, camera_ray: Ray, sampler: &mut 
         lights_count: true,
         travelled: 0.0,
     };
-    for _ in 0..MAX_PIECES {
-        if !path.piece(sampler) {
-            break;
-        }
+    let (mut pieces, mut order) = (0, 0);
+    while pieces < MAX_PIECES && path.piece(sampler) {
+        pieces = if path.order == order { pieces + 1 } else { 0 };
+        order = path.order;
     }
     path.radiance
 }

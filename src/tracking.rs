@@ -385,7 +385,7 @@ fn plateau_flight<S: Spectrum>(
     hero: &mut Hero<S>,
     sampler: &mut Sampler,
 ) -> Option<f32> {
-    let local = field.local_ray(ray);
+    let local = field.placement.local_ray(ray);
     let (mut t, end) = field.plateau.support().clip(&local, 0.0, t_max)?;
     let highest = sigma_t.max_channel();
     let share = sigma_t.channel(hero.channel) / highest;
@@ -418,7 +418,7 @@ fn grid_flight<S: Spectrum>(
     hero: &mut Hero<S>,
     sampler: &mut Sampler,
 ) -> Option<f32> {
-    let local = field.local_ray(ray);
+    let local = field.placement.local_ray(ray);
     let highest = sigma_t.max_channel();
     // Density, in units of the highest channel, that collides for the hero.
     let share = sigma_t.channel(hero.channel) / highest;
@@ -484,7 +484,7 @@ pub fn transmittance<S: Spectrum>(
                 let mut depth = 0.0;
                 field
                     .plateau
-                    .pieces(&field.local_ray(ray), 0.0, t_max, |piece| {
+                    .pieces(&field.placement.exact_ray(ray), 0.0, t_max, |piece| {
                         depth += piece.integral;
                         true
                     });
@@ -506,7 +506,7 @@ fn ratio_tracking<S: Spectrum>(
     t_max: f32,
     sampler: &mut Sampler,
 ) -> S {
-    let local = field.local_ray(ray);
+    let local = field.placement.local_ray(ray);
     let highest = sigma_t.max_channel();
     let mut tr = S::ONE;
     // Optical thickness of the control, applied once at the end.

@@ -5,7 +5,7 @@ use vpm_vdb::grid::Grid;
 use vpm_vdb::grid::majorant::MajorantGrid;
 use vpm_vdb::grid::merge::Merging;
 use vpm_vdb::grid::walk::walk;
-use vpm_vdb::medium::{Field, GridField, Medium};
+use vpm_vdb::medium::{Field, GridField, Medium, Placement};
 use vpm_vdb::phase::PhaseFunction;
 use vpm_vdb::ray::Ray;
 
@@ -29,10 +29,17 @@ pub(crate) fn extinction(grid: &Grid) -> f32 {
     let majorants = MajorantGrid::new(grid, 1.0, 1.0);
     let mut depth = 0.0;
     let ray = Ray { origin, direction };
-    walk(grid, &majorants, &ray, 0.0, f32::INFINITY, |piece| {
-        depth += piece.integral;
-        true
-    });
+    walk(
+        grid,
+        &majorants,
+        &(&ray).into(),
+        0.0,
+        f32::INFINITY,
+        |piece| {
+            depth += piece.integral;
+            true
+        },
+    );
     THICKNESS / depth as f32
 }
 
@@ -40,7 +47,7 @@ pub(crate) fn extinction(grid: &Grid) -> f32 {
 pub(crate) fn medium(grid: &Grid, sigma_t: f32, merging: Merging) -> Medium<f32> {
     let to_local = DAffine3::IDENTITY;
     let mut field = GridField::new(grid.clone(), &to_local, DVec3::ZERO, sigma_t);
-    field.world_to_local = glam::Affine3A::IDENTITY;
+    field.placement = Placement::IDENTITY;
     field.majorants = MajorantGrid::with(grid, sigma_t, 1.0, merging);
     Medium {
         sigma_t,

@@ -9,11 +9,11 @@
 //! b + 1 of each axis, 13 pieces at most, so Simpson's rule integrates it exactly however large the
 //! box is.
 
-use glam::{IVec3, Vec3};
+use glam::{DVec3, IVec3, Vec3};
 
 use super::walk::Piece;
 use super::{BRICK, Brick, CONSTANT, Grid, TABLE, top_index};
-use crate::ray::{Bounds, Ray, reciprocal};
+use crate::ray::{Bounds, ExactRay};
 
 /// See the module's page. Coordinates are those of the grid that it was.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -56,32 +56,50 @@ impl Plateau {
         self.value * ramp.x * ramp.y * ramp.z
     }
 
+    /// The same in f64.
+    fn at_exactly(&self, p: DVec3) -> f64 {
+        let (low, high) = (self.core.min.as_dvec3(), self.core.max.as_dvec3());
+        let ramp = (p - low).min(high - p) + 1.0;
+        let ramp = ramp.clamp(DVec3::ZERO, DVec3::ONE);
+        f64::from(self.value) * ramp.x * ramp.y * ramp.z
+    }
+
     /// Visits the pieces of a local ray inside [t0, t1] in order, until `visit` returns false.
-    pub fn pieces(&self, ray: &Ray, t0: f32, t1: f32, mut visit: impl FnMut(Piece) -> bool) {
-        let Some((enter, exit)) = self.support().clip(ray, t0, t1) else {
-            return;
-        };
-        let inverse = reciprocal(ray.direction);
-        let (mut ends, mut count) = ([exit; PLANES + 1], 0);
-        for axis in (0..3).filter(|a| inverse[*a].is_finite()) {
-            let (a, b) = (self.core.min[axis], self.core.max[axis]);
-            for plane in [a - 1.0, a, b, b + 1.0] {
-                let t = (plane - ray.origin[axis]) * inverse[axis];
-                if t > enter && t < exit {
-                    ends[count] = t;
-                    count += 1;
+    pub fn pieces(&self, ray: &ExactRay, t0: f32, t1: f32, mut visit: impl FnMut(Piece) -> bool) {
+        let (mut enter, mut exit) = (f64::from(t0), f64::from(t1));
+        let mut planes = [f64::INFINITY; PLANES];
+        for axis in 0..3 {
+            let (a, b) = (self.core.min[axis].into(), self.core.max[axis].into());
+            let (o, d): (f64, f64) = (ray.origin[axis], ray.direction[axis]);
+            let faces = [a - 1.0, a, b, b + 1.0];
+            if d == 0.0 {
+                if o <= faces[0] || o >= faces[3] {
+                    return;
                 }
+                continue;
             }
+            let meets = faces.map(|face| (face - o) / d);
+            enter = enter.max(meets[0].min(meets[3]));
+            exit = exit.min(meets[0].max(meets[3]));
+            planes[4 * axis..][..4].copy_from_slice(&meets);
         }
-        ends[..count].sort_unstable_by(f32::total_cmp);
-        let (mut start, mut first) = (enter, self.at(ray.at(enter)));
-        for end in &ends[..=count] {
-            let middle = self.at(ray.at(0.5 * (start + end)));
-            let piece = Piece::cubic(start, *end, [first, middle, self.at(ray.at(*end))]);
+        if enter >= exit || exit.is_infinite() {
+            return;
+        }
+        planes.sort_unstable_by(f64::total_cmp);
+        let within = planes.into_iter().filter(|t| *t > enter && *t < exit);
+        let (mut start, mut first) = (enter, self.at_exactly(ray.at(enter)));
+        for end in within.chain([exit]) {
+            if end <= start {
+                continue;
+            }
+            let [middle, last] = [0.5 * (start + end), end].map(|t| self.at_exactly(ray.at(t)));
+            let values = [first, middle, last];
+            let piece = Piece::cubic(start, end, values);
             if piece.t_max > piece.t_min && !visit(piece) {
                 return;
             }
-            (start, first) = (*end, piece.density[2]);
+            (start, first) = (end, values[2]);
         }
     }
 }

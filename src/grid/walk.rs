@@ -18,7 +18,7 @@ use wide::f64x4;
 
 use super::majorant::MajorantGrid;
 use super::{BRICK, Grid};
-use crate::ray::{Ray, reciprocal};
+use crate::ray::{ExactRay, reciprocal};
 
 /// A piece of a ray on which the field is a cubic in t.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -49,13 +49,12 @@ impl Piece {
     /// A piece by its values at begin, middle and end.
     #[inline]
     #[must_use]
-    pub fn cubic(t_min: f32, t_max: f32, density: [f32; 3]) -> Self {
-        let length = f64::from(t_max) - f64::from(t_min);
+    pub fn cubic(from: f64, to: f64, values: [f64; 3]) -> Self {
         Self {
-            t_min,
-            t_max,
-            density,
-            integral: simpson(length, density.map(f64::from)),
+            t_min: from as f32,
+            t_max: to as f32,
+            density: values.map(|v| v as f32),
+            integral: simpson(to - from, values),
         }
     }
 }
@@ -66,7 +65,7 @@ impl Piece {
 pub fn walk(
     grid: &Grid,
     majorants: &MajorantGrid,
-    ray: &Ray,
+    ray: &ExactRay,
     t0: f32,
     t1: f32,
     mut visit: impl FnMut(Piece) -> bool,
@@ -75,7 +74,7 @@ pub fn walk(
     let mut lookups = 0;
     // Integral over cells too short for a piece; the next one has it.
     let mut sliver = 0.0;
-    for segment in majorants.segments(ray, t0, t1) {
+    for segment in majorants.segments(&ray.rounded(), t0, t1) {
         if segment.majorant == 0.0 && segment.minorant == 0.0 || segment.t_max <= segment.t_min {
             continue;
         }
@@ -118,24 +117,18 @@ pub fn walk(
                 let begin = last.unwrap_or_else(|| at(cell.from));
                 let end = at(cell.to);
                 let middle = at(0.5 * (cell.from + cell.to));
-                let integral = simpson(cell.to - cell.from, [begin, middle, end]) + sliver;
+                let mut piece = Piece::cubic(cell.from, cell.to, [begin, middle, end]);
+                piece.integral += sliver;
                 last = Some(end);
                 lookups += 2;
-                let (t_min, t_max) = (cell.from as f32, cell.to as f32);
                 next = cells.next();
-                if t_min >= t_max {
+                if piece.t_min >= piece.t_max {
                     // Ends that f32 does not tell apart: where a segment begins, mostly.
-                    sliver = integral;
+                    sliver = piece.integral;
                     continue;
                 }
                 sliver = 0.0;
-                let piece = Piece {
-                    t_min,
-                    t_max,
-                    density: [begin, middle, end].map(|v| v as f32),
-                    integral,
-                };
-                if integral != 0.0 && !visit(piece) {
+                if piece.integral != 0.0 && !visit(piece) {
                     return lookups;
                 }
             }
@@ -187,16 +180,18 @@ impl Crossing {
 }
 
 impl Line {
-    fn new(ray: &Ray) -> Self {
+    fn new(ray: &ExactRay) -> Self {
         let four = |v: [f64; 3]| f64x4::new([v[0], v[1], v[2], 0.0]);
-        let reached = reciprocal(ray.direction).to_array().map(f32::is_finite);
-        let direction = ray.direction.as_dvec3().to_array();
+        let reached = reciprocal(ray.direction.as_vec3())
+            .to_array()
+            .map(f32::is_finite);
+        let direction = ray.direction.to_array();
         let of_axis = |f: &dyn Fn(usize) -> f64| {
             four(std::array::from_fn(|a| if reached[a] { f(a) } else { 0.0 }))
         };
         let step = of_axis(&|a| direction[a].signum());
         Self {
-            origin: four(ray.origin.as_dvec3().to_array()),
+            origin: four(ray.origin.to_array()),
             direction: four(direction),
             inverse: of_axis(&|a| 1.0 / direction[a]),
             moves: step.simd_ne(f64x4::ZERO),

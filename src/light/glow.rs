@@ -83,7 +83,7 @@ impl<S: Spectrum> Glow<S> {
         let support = field.grid.support();
         let size = (support.max - support.min) / BLOCK;
         let count = size.to_array().map(|n| (n.ceil() as usize).max(1));
-        let local_to_world = field.world_to_local.inverse();
+        let local_to_world = field.placement.to_world();
         let volume = local_to_world.matrix3.determinant().abs() * BLOCK.powi(3);
         let mut glow = Self {
             medium: index,

@@ -144,7 +144,7 @@ impl DepositRate {
                     this.raise(&part.bounds, part.reach, per_extent);
                 }
                 Field::Grid(field) => {
-                    let to_world = field.world_to_local.inverse();
+                    let to_world = field.placement.to_world();
                     let highest = field.majorants.highest();
                     field.majorants.visit_cells(|low, high, majorant| {
                         let corners = (0..8).map(|i| {

@@ -302,7 +302,8 @@ fn trace_one<S: Spectrum, H: Heading>(
     out.counters += sampler.counters;
 }
 
-/// Straight pieces of a photon's way, boundaries passed included: an end to numerical loops.
+/// Straight pieces of a photon's way in a row that scatter nothing, boundaries passed one by one:
+/// an end to numerical loops.
 const MAX_PIECES: u32 = 100_000;
 
 /// A photon on its way.
@@ -331,7 +332,8 @@ impl<S: Spectrum> Flight<'_, S> {
         out: &mut Photons<S, H>,
     ) {
         let world = self.world;
-        for _ in 0..MAX_PIECES {
+        let (mut pieces, mut order) = (0, self.order);
+        while pieces < MAX_PIECES {
             sampler.counters.effects.surface_rays += u64::from(world.surfaces.is_some());
             let hit = world
                 .surfaces
@@ -354,6 +356,8 @@ impl<S: Spectrum> Flight<'_, S> {
             if !goes_on {
                 return;
             }
+            pieces = if self.order == order { pieces + 1 } else { 0 };
+            order = self.order;
         }
         out.energy.cut_off += f64::from((self.power * self.hero.weight()).mean());
     }

@@ -15,7 +15,7 @@ use crate::grid::Grid;
 use crate::grid::load::{LoadError, Taking, load_grid};
 use crate::grid::majorant::MajorantGrid;
 use crate::grid::walk::walk;
-use crate::ray::Ray;
+use crate::ray::ExactRay;
 use crate::vdb::{Archive, MetaValue};
 
 /// Optical thickness of the thicker parts: opaque, and light still finds its way through edges.
@@ -187,9 +187,9 @@ fn extinction(grid: &Grid, camera: &Camera) -> f64 {
                 at(y, camera.resolution[1]) as f32,
             ];
             let direction = view.ray(pixel, [0.0; 2]).direction.as_dvec3();
-            let local = Ray {
-                origin: to_local.transform_point3(camera.position).as_vec3(),
-                direction: to_local.transform_vector3(direction).as_vec3(),
+            let local = ExactRay {
+                origin: to_local.transform_point3(camera.position),
+                direction: to_local.transform_vector3(direction),
             };
             let mut depth = 0.0;
             walk(grid, &majorants, &local, 0.0, f32::INFINITY, |piece| {

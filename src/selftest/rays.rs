@@ -199,10 +199,17 @@ impl Way<'_> {
         let (grid, ray) = (self.grid, &self.ray);
         let context = || self.tell();
         let mut pieces: Vec<Piece> = Vec::new();
-        walk(grid, self.majorants, ray, self.t0, self.t1, |piece| {
-            pieces.push(piece);
-            true
-        });
+        walk(
+            grid,
+            self.majorants,
+            &ray.into(),
+            self.t0,
+            self.t1,
+            |piece| {
+                pieces.push(piece);
+                true
+            },
+        );
         let Some((enter, exit)) = grid.support().clip(ray, self.t0, self.t1) else {
             found.fault(!pieces.is_empty(), "outside", &context);
             return;

@@ -44,8 +44,8 @@ const FOG: Bounds = Bounds {
 /// A ray of a medium's world in the local space of its grid.
 fn local(medium: &Medium<f32>, ray: &Ray) -> Ray {
     match &medium.field {
-        Field::Grid(field) => field.local_ray(ray),
-        Field::Plateau(field) => field.local_ray(ray),
+        Field::Grid(field) => field.placement.local_ray(ray),
+        Field::Plateau(field) => field.placement.local_ray(ray),
         Field::Constant { .. } => *ray,
     }
 }
@@ -56,7 +56,7 @@ fn walked(medium: &Medium<f32>, ray: &Ray) -> f64 {
         return 0.0;
     };
     let mut depth = 0.0f64;
-    let local = field.local_ray(ray);
+    let local = field.placement.exact_ray(ray);
     walk(
         &field.grid,
         &field.majorants,

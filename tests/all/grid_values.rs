@@ -78,7 +78,7 @@ fn compare(name: &str, a: &Grid, b: &Grid, min: Vec3, max: Vec3, random: &mut Rn
         };
         let pieces = |grid: &Grid, majorants: &MajorantGrid| {
             let mut pieces = Vec::new();
-            walk(grid, majorants, &ray, 0.0, 1.0, |piece| {
+            walk(grid, majorants, &(&ray).into(), 0.0, 1.0, |piece| {
                 pieces.push(bits(piece));
                 true
             });

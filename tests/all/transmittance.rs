@@ -17,7 +17,7 @@ use glam::{IVec3, Vec3};
 
 use vpm_vdb::grid::Grid;
 use vpm_vdb::march::{Profile, transmittance as march_transmittance};
-use vpm_vdb::medium::{Field, Medium};
+use vpm_vdb::medium::{Field, Medium, Placement};
 use vpm_vdb::phase::PhaseFunction;
 use vpm_vdb::ray::{Bounds, Ray};
 use vpm_vdb::rng::Rng;
@@ -36,8 +36,8 @@ const EPS: f64 = f32::EPSILON as f64;
 /// The ray in the local space of a medium's grid, as the renderer sees it.
 fn local<S>(medium: &Medium<S>, ray: &Ray) -> Ray {
     match &medium.field {
-        Field::Grid(field) => field.local_ray(ray),
-        Field::Plateau(field) => field.local_ray(ray),
+        Field::Grid(field) => field.placement.local_ray(ray),
+        Field::Plateau(field) => field.placement.local_ray(ray),
         Field::Constant { .. } => *ray,
     }
 }
@@ -54,7 +54,7 @@ fn world(grid: &Grid, ray: &Ray) -> Ray {
 fn in_voxels(grid: &Grid, sigma_t: f32) -> Medium<f32> {
     let mut medium = medium(grid, sigma_t);
     if let Field::Grid(field) = &mut medium.field {
-        field.world_to_local = glam::Affine3A::IDENTITY;
+        field.placement = Placement::IDENTITY;
     }
     medium
 }

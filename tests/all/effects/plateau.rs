@@ -102,7 +102,7 @@ fn a_plateau_is_the_field_of_its_grid() {
             let local = ray_through(&one, &mut rng);
             let exact = Depth::new(&one, &local, f64::from(f32::MAX)).total();
             let mut sum = 0.0f64;
-            plateau.pieces(&local, 0.0, f32::INFINITY, |piece| {
+            plateau.pieces(&(&local).into(), 0.0, f32::INFINITY, |piece| {
                 sum += piece.integral;
                 true
             });
