@@ -9,6 +9,7 @@ pub mod estimate;
 pub mod film;
 pub mod frames;
 pub mod grid;
+pub mod hermite;
 pub mod image;
 pub mod info;
 pub mod light;

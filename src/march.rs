@@ -17,6 +17,7 @@
 //! A fixed step (`march = { step = ... }`) takes the density in the middle of each step as that
 //! of the whole: the ray march of Jensen & Christensen 1998, kept to show what steps cost.
 
+use crate::hermite::{Knot, distance, hermite, slope};
 use crate::medium::{Field, GridField, Medium};
 use crate::ray::Ray;
 use crate::scene::March;
@@ -29,17 +30,6 @@ use wide::f32x8;
 /// Optical depth, in the thinnest channel, beyond which a ray is not followed. Lower: energy is
 /// lost visibly (e^-8 = 3e-4); higher: dense clouds are marched for what f32 cannot add.
 pub const SPENT_OPTICAL_DEPTH: f32 = 18.0;
-
-/// A point of a profile.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Knot {
-    /// Distance. \[m\]
-    t: f32,
-    /// Integral of the density up to here. \[m\]
-    depth: f32,
-    /// Density here; its one-sided limit where two knots share t.
-    density: f32,
-}
 
 /// Density along a ray in one medium.
 #[derive(Debug, Clone)]
@@ -507,32 +497,7 @@ impl<S: Spectrum> MediumProfile<S> {
             .partition_point(|k| k.depth <= depth)
             .clamp(1, knots.len() - 1);
         let (a, b) = (knots[i - 1], knots[i]);
-        if b.depth <= a.depth {
-            return if depth <= a.depth { a.t } else { b.t };
-        }
-        // Newton's method on the cubic, kept inside a bracket that every fourth step halves: where
-        // the density nearly vanishes inside a cell, Newton alone creeps.
-        let (mut low, mut high) = (0.0f32, 1.0f32);
-        let mut s = ((depth - a.depth) / (b.depth - a.depth)).clamp(0.0, 1.0);
-        let length = b.t - a.t;
-        for step in 1..=48 {
-            let error = hermite(a, b, s) - depth;
-            if error.abs() <= 2.0 * f32::EPSILON * b.depth {
-                break;
-            }
-            if error > 0.0 {
-                high = s;
-            } else {
-                low = s;
-            }
-            let next = s - error / (slope(a, b, s) * length);
-            s = if step % 4 != 0 && next > low && next < high {
-                next
-            } else {
-                0.5 * (low + high)
-            };
-        }
-        s.mul_add(length, a.t)
+        distance(a, b, depth)
     }
 }
 
@@ -585,30 +550,4 @@ impl<S: Spectrum> OnlyMedium<'_, S> {
         let inside = some & t.simd_ge(a_t) & t.simd_le(b_t);
         (depth, inside.select(density, zero))
     }
-}
-
-/// Cubic Hermite interpolation of the depth between two knots. Kept between theirs: the cubic may
-/// swing out where the field bends sharply inside a cell, which the exact depth cannot.
-#[inline]
-fn hermite(a: Knot, b: Knot, s: f32) -> f32 {
-    let length = b.t - a.t;
-    let rise = b.depth - a.depth;
-    let (start, end) = (a.density * length, b.density * length);
-    // depth = a + s start + s^2 (3 rise - 2 start - end) + s^3 (start + end - 2 rise)
-    let cubic = start + end - 2.0 * rise;
-    let square = rise - start - cubic;
-    s.mul_add(s.mul_add(s.mul_add(cubic, square), start), a.depth)
-        .clamp(a.depth, b.depth.max(a.depth))
-}
-
-/// Slope of [`hermite`]: the density. 0 between knots that share t.
-#[inline]
-fn slope(a: Knot, b: Knot, s: f32) -> f32 {
-    let length = b.t - a.t;
-    if length <= 0.0 {
-        return 0.0;
-    }
-    let mean = (b.depth - a.depth) / length;
-    let bump = 6.0 * s * (1.0 - s) * (mean - 0.5 * (a.density + b.density));
-    ((b.density - a.density).mul_add(s, a.density) + bump).max(0.0)
 }

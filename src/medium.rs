@@ -87,6 +87,10 @@ impl Placement {
     }
 }
 
+/// Greatest extinction of a grid \[1/m\]. Lower: light would be seen to get into voxels of less than
+/// a thousandth of that; higher: products with lengths overflow.
+const MOST_EXTINCTION: f32 = 1e30;
+
 /// A grid placed in the world.
 #[derive(Debug, Clone)]
 pub struct GridField {
@@ -142,6 +146,21 @@ impl GridField {
             voxel_size,
             bounds,
         }
+    }
+
+    /// The same of a grid of any finite values, in units of its own, with the extinction of 1 such
+    /// unit for that of density 1 \[1/m\].
+    #[must_use]
+    pub fn in_units<S: Spectrum>(
+        grid: Grid,
+        after: &DAffine3,
+        origin: DVec3,
+        sigma_t: S,
+    ) -> (Self, S) {
+        let (grid, unit) = grid.in_units();
+        let sigma_t = sigma_t.map(|k| (k * unit).min(MOST_EXTINCTION));
+        let field = Self::new(grid, after, origin, sigma_t.max_channel());
+        (field, sigma_t)
     }
 
     /// The density at a world point.

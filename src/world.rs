@@ -131,6 +131,11 @@ fn middle(scene: &Scene, volumes: &[LoadedVolume]) -> DVec3 {
 /// light lies block it. Larger: blockers that close to a light are missed.
 const SHORT: f32 = 1e-4;
 
+/// Share of its size by which a box around surfaces is widened. Smaller: rounding puts points of the
+/// inside beyond it, and photons that start on it behind a surface that bounds it; larger: photons
+/// aimed at nothing.
+const MARGIN: f32 = 1e-3;
+
 /// Compartments that photons tell apart; of more glass objects, the rest share the last.
 const MAX_COMPARTMENT: u8 = 63;
 
@@ -167,7 +172,6 @@ impl<S: Spectrum> World<S> {
             .map_or(Bounds::EMPTY, |(min, max)| Bounds { min, max });
         let mut media = Vec::new();
         for (volume, loaded) in scene.volumes.iter().zip(volumes) {
-            let extinction = volume.optics.extinction.max_element();
             let emission = match (&volume.emission, loaded.temperature) {
                 (
                     Some(Emission::Blackbody {
@@ -182,7 +186,9 @@ impl<S: Spectrum> World<S> {
                 }),
                 _ => None,
             };
-            let field = GridField::new(loaded.density, &volume.transform, origin, extinction);
+            let extinction = S::from_rgb(volume.optics.extinction);
+            let (field, sigma_t) =
+                GridField::in_units(loaded.density, &volume.transform, origin, extinction);
             if field.bounds.is_empty() {
                 continue;
             }
@@ -190,7 +196,7 @@ impl<S: Spectrum> World<S> {
             let closed = !general.grids && scene.settings.march == March::Exact;
             let plateau = if closed { field.plateau() } else { None };
             media.push(Medium {
-                sigma_t: S::from_rgb(volume.optics.extinction),
+                sigma_t,
                 albedo: S::from_rgb(volume.optics.albedo),
                 phase: volume.optics.phase.into(),
                 field: plateau.map_or_else(
@@ -249,7 +255,7 @@ impl<S: Spectrum> World<S> {
                 let optics = surfaces.interior(object)?;
                 let (min, max) = surfaces.object_bounds(object);
                 // Rounding may put a point of the inside a little beyond the box.
-                let margin = 1e-3 * (max - min).max_element();
+                let margin = MARGIN * (max - min).max_element();
                 let around = Bounds {
                     min: min - margin,
                     max: max + margin,
@@ -280,7 +286,7 @@ impl<S: Spectrum> World<S> {
             .fold(solid, |all, part| all.union(&part.reached()));
         if !solid.is_empty() {
             // A photon that starts on the box must not start on a surface that bounds it.
-            let margin = glam::Vec3::splat(1e-3 * target.radius().max(f32::MIN_POSITIVE));
+            let margin = glam::Vec3::splat(MARGIN * target.radius().max(f32::MIN_POSITIVE));
             target.min -= margin;
             target.max += margin;
             if media.len() > open {

@@ -281,11 +281,15 @@ struct Equiangular {
     theta: [f32; 2],
 }
 
+/// Least distance of a light from the ray, a share of the ray's length. Smaller: the angles round to
+/// none; larger: samples miss the light's own neighbourhood.
+const LEAST_DISTANCE: f32 = 1e-6;
+
 impl Equiangular {
     fn new(ray: &Ray, light: Vec3, (a, b): (f32, f32)) -> Option<Self> {
         let t0 = (light - ray.origin).dot(ray.direction);
         // By rejection, and never 0: a ray through the light would have no angle.
-        let d = (light - ray.at(t0)).length().max(1e-6 * (b - a));
+        let d = (light - ray.at(t0)).length().max(LEAST_DISTANCE * (b - a));
         let theta = [((a - t0) / d).atan(), ((b - t0) / d).atan()];
         (theta[1] > theta[0]).then_some(Self { t0, d, theta })
     }

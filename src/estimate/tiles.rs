@@ -67,6 +67,10 @@ fn class(index: u32, salt: u32) -> usize {
 /// Photons sorted by one unit of parallel work.
 const CHUNK: usize = 1 << 14;
 
+/// Rounding of a squared distance. Smaller: photons are lost at the end of what is seen; larger: more
+/// are looked at in vain.
+const ROUNDING: f32 = 1e-6;
+
 /// Pixels of a picture that are rendered, in tiles.
 #[derive(Debug, Clone, Copy)]
 pub struct TileGrid {
@@ -399,11 +403,10 @@ impl<S: Spectrum, H: Heading> TileRays<S, H> {
                 continue;
             }
             let class = class(*index, self.salt);
-            // Where a ray pierces the sphere, t^2 = |v|^2 - d^2 > |v|^2 - r^2; a millionth covers
-            // rounding.
+            // Where a ray pierces the sphere, t^2 = |v|^2 - d^2 > |v|^2 - r^2.
             let v2 = (photon.position - camera).length_squared();
             let last = self.last[class];
-            if v2 * (1.0 - 1e-6) - photon.radius * photon.radius < last * last {
+            if v2 * (1.0 - ROUNDING) - photon.radius * photon.radius < last * last {
                 self.near.push(Near {
                     photon,
                     heading: photon.heading.direction(),

@@ -55,6 +55,10 @@ pub const TABLE_BRICKS: usize = 4096;
 /// Top bit of an index entry: the rest is an index into `constants`, not a brick or table.
 const CONSTANT: u32 = 1 << 31;
 
+/// Greatest values with which depths, their squares and their sums stay within f32. Wider: they
+/// overflow; narrower: values in 16 bits are widened for nothing.
+const ORDINARY: std::ops::Range<f32> = 1e-12..1e12;
+
 /// A sparse, read-only scalar field. See the module's page.
 #[derive(Debug, Clone)]
 pub struct Grid {
@@ -290,6 +294,25 @@ impl Grid {
             values: self.values.widened(),
             ..self.clone()
         }
+    }
+
+    /// The field over a unit, and the unit: 1 where values are ordinary, else a power of two near
+    /// the greatest, so that nothing is rounded but what is 1e-38 of it, and sums along a ray of
+    /// values near f32's limits are not beyond them.
+    #[must_use]
+    pub fn in_units(self) -> (Self, f32) {
+        let greatest = self.range[1];
+        if greatest <= 0.0 || ORDINARY.contains(&greatest) {
+            return (self, 1.0);
+        }
+        let exponent = (greatest.log2() as i32).clamp(f32::MIN_EXP - 1, f32::MAX_EXP - 2);
+        let unit = 2f32.powi(exponent);
+        let scaled = Self {
+            values: self.values.scaled(1.0 / unit),
+            range: self.range.map(|v| v / unit),
+            ..self
+        };
+        (scaled, unit)
     }
 
     /// Bytes that the field takes in memory, as allocated.

@@ -143,10 +143,17 @@ impl Values {
 
     /// The same values in 32 bits each.
     pub(super) fn widened(&self) -> Self {
-        Self::Full(match self {
+        self.scaled(1.0)
+    }
+
+    /// Every value times a factor, in 32 bits.
+    pub(super) fn scaled(&self, factor: f32) -> Self {
+        let mut values = match self {
             Self::Full(values) => values.clone(),
             Self::Half(halves) => halves.to_f32_vec(),
-        })
+        };
+        values.par_iter_mut().for_each(|v| *v *= factor);
+        Self::Full(values)
     }
 
     /// Bits of a value.

@@ -15,6 +15,13 @@ const PILOT_EMITTED: u64 = 30_000;
 /// Photons that set the rate of deposits.
 const FEW: u64 = 2000;
 
+/// Least radius, a share of the scene. Smaller: 1 / r^2 beyond what f32 adds; larger: detail of
+/// photons is lost.
+const LEAST: f32 = 1e-5;
+/// Greatest radius on surfaces, a share of theirs. Smaller: noise where few photons are; larger:
+/// light from the next room.
+const MOST_ON_SURFACES: f32 = 0.1;
+
 /// Radii from the pilots: of photons in media, and of points on surfaces.
 pub(super) struct Radii<S> {
     /// Where photons are deposited.
@@ -56,11 +63,11 @@ pub(super) fn radii<S: Spectrum, H: Heading>(job: &Job<'_, S>, tally: &mut Tally
     let positions = first.iter().chain(&higher).map(|p| p.position).collect();
     let ratio = settings.photons as f32 / trace.emit as f32;
     let widest = job.world.parts.iter().map(|p| p.reach).fold(0.0, f32::max);
-    let limits = [(1e-5 * job.world.bounds.radius()).min(widest), widest];
+    let limits = [(LEAST * job.world.bounds.radius()).min(widest), widest];
     let field = RadiusField::new(positions, settings.neighbours as f32, ratio, limits);
     let surfaces = job.plan.surface_photons.then(|| {
         let extent = job.world.target.radius();
-        let limits = [1e-5 * extent, 0.1 * extent];
+        let limits = [LEAST * extent, MOST_ON_SURFACES * extent];
         SurfaceRadius::new(surface, settings.neighbours as f32, ratio, limits)
     });
     tally.times.map += clock.elapsed().as_secs_f64();

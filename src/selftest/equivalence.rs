@@ -5,6 +5,7 @@
 //! a grid of ones                      a fog
 //! photons, sampled first order        paths             means of picture and quarters
 //! first order of all                  all of first order
+//! radius -> 0                         paths             m(r) = path + b r^2
 //! ```
 //!
 //! Pixels of a pass of photons are not independent: the errors of the means come from renders with
@@ -196,6 +197,7 @@ fn methods(suite: &mut Suite) -> Result<(), SelftestError> {
     }
     let bound = t_bound(10, (seeds - 1) as f64);
     suite.worst("photons of small kernels against paths, |t|", worst, bound);
+    shrinking(suite, &beam, &blob, &reference)?;
 
     let layer = |film: &Film, x: u32, y: u32| film.means(x, y).direct.x;
     let mut worst = Worst::default();
@@ -214,6 +216,41 @@ fn methods(suite: &mut Suite) -> Result<(), SelftestError> {
     suite.worst("first order of all orders, and alone, |t|", worst, bound);
     Ok(())
 }
+
+/// The limit of the radius to 0 is the path's picture. k photons are within r^2 of k of them, so
+/// with the same photons two counts give the limit: (4 m(k) - m(4 k)) / 3.
+fn shrinking(
+    suite: &mut Suite,
+    beam: &Scene,
+    grid: &Grid,
+    reference: &[Welford; 5],
+) -> Result<(), SelftestError> {
+    let mut beam = beam.clone();
+    let seeds = suite.choose([12, 16, 64]);
+    let mut limit = [Welford::default(); 5];
+    for seed in 0..seeds {
+        beam.settings.seed = seed;
+        let mut of = |neighbours: u32| -> Result<[f64; 5], SelftestError> {
+            beam.settings.neighbours = neighbours;
+            Ok(means(&render(&beam, &[grid], None)?.film, colour))
+        };
+        let (narrow, wide) = (of(NARROW)?, of(4 * NARROW)?);
+        for (limit, (a, b)) in limit.iter_mut().zip(narrow.iter().zip(&wide)) {
+            limit.add((4.0 * a - b) / 3.0);
+        }
+    }
+    let worst = compare("radius to 0", &limit, reference);
+    let bound = t_bound(5, (seeds - 1) as f64);
+    suite.worst(
+        "limit of photons as their radius goes to 0 against paths, |t|",
+        worst,
+        bound,
+    );
+    Ok(())
+}
+
+/// Neighbours within the narrowest kernels.
+const NARROW: u32 = 4;
 
 /// The checks of this family.
 ///

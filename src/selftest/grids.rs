@@ -166,7 +166,7 @@ fn cut(medium: &Medium<f32>, ray: &Ray, t: f32) -> f64 {
     f64::from(profile.optical_depth(profile.t_end))
 }
 
-const EXPONENTS: [i32; 7] = [-38, -30, -8, 0, 8, 30, 37];
+const EXPONENTS: [i32; 7] = [-38, -30, -8, 0, 8, 30, 38];
 
 /// Values that no density can have are 0 and counted; others stay as they are.
 fn cleaned() -> Worst {
@@ -202,17 +202,17 @@ pub fn checks(suite: &mut Suite) -> Result<(), SelftestError> {
     let found = extremes(suite)?;
     let n = EXPONENTS.len();
     suite.worst(
-        "depth of densities 1e-38 to 1e37, relative error",
+        "depth of densities 1e-38 to 1e38, relative error",
         found.depth,
         1e-5,
     );
     suite.worst(
-        "ratio tracking through densities 1e-38 to 1e37, |z|",
+        "ratio tracking through densities 1e-38 to 1e38, |z|",
         found.transmittance,
         z_bound(n),
     );
     suite.worst(
-        "free flights through densities 1e-38 to 1e37, KS distance",
+        "free flights through densities 1e-38 to 1e38, KS distance",
         found.flight,
         ks_bound(n),
     );

@@ -310,10 +310,8 @@ pub fn checks(suite: &mut Suite) -> Result<(), SelftestError> {
     Ok(())
 }
 
-/// Relative error of an optical depth. The aim is 1e-6. Today positions along a ray are f32: those
-/// 500 voxels from the camera are known to 6e-5, and a Gaussian blob of sigma 10 rises by up to a
-/// fifth of itself in a voxel where a ray may still have a depth of one.
-const DEPTH: f64 = 1.2e-5;
+/// Relative error of an optical depth: rounding of the values and of the knots.
+const DEPTH: f64 = 1e-6;
 
 /// Difference of pictures of first-order light: rounding, and few samples of the sun that fall on
 /// the other side of a voxel's face.

@@ -32,6 +32,10 @@ const RELATIVE: f64 = 1e-5;
 /// Relative error of T down to 1e-30.
 const FAINT_RELATIVE: f64 = 1e-5;
 
+/// Field look-ups of a free flight and a transmittance along some 120 voxel cells, two each, and of
+/// null collisions between.
+const MOST_AMONG_SPIKES: f64 = 600.0;
+
 /// Field look-ups of one transmittance, however thick the medium: roulette ends it some mean free
 /// paths of the majorant beyond T = 0.05.
 const MOST_LOOKUPS: f64 = 64.0;
@@ -206,31 +210,41 @@ fn faint(suite: &mut Suite) -> Result<(), SelftestError> {
     Ok(())
 }
 
-/// A rough field that is nowhere 0 inside: 0.5 to 1.
-fn rough() -> Result<Grid, SelftestError> {
+/// A rough field that is nowhere 0 inside: 0.5 to 1, and `spike` in one voxel of a thousand.
+fn rough(spike: f32) -> Result<Grid, SelftestError> {
     let edge = IVec3::splat(20);
-    Ok(grid(-edge, edge, |v| 0.5 + 0.5 * noise(v, 17))?)
+    let value = |v| {
+        if noise(v, 5) < 1e-3 {
+            spike
+        } else {
+            0.5 + 0.5 * noise(v, 17)
+        }
+    };
+    Ok(grid(-edge, edge, value)?)
 }
 
-/// Ratio tracking where roulette plays, and free flights, through minorants above 0.
-fn rough_field(suite: &mut Suite) -> Result<(), SelftestError> {
-    let field = rough()?;
+/// Ratio tracking where roulette plays, and free flights, through minorants above 0. The rays'
+/// extinction comes from their depth without spikes.
+fn rough_field(suite: &mut Suite, name: &str, field: &Grid) -> Result<(), SelftestError> {
+    let smooth = rough(0.75)?;
     let mut random = rng(33);
     let rays = 12;
     let samples = suite.choose([20_000, 50_000, 400_000]);
     let (mut mean, mut flight) = (Worst::default(), Worst::default());
     for i in 0..rays {
-        let mut ray = ray_through(&field, &mut random);
+        let mut ray = ray_through(field, &mut random);
         ray.origin += field.origin().as_vec3();
-        let mut media = [medium(&field, 1.0f32)];
-        let exact = Depth::new(&field, &local(&media[0], &ray), f64::INFINITY);
-        if exact.total() <= 0.0 {
+        let mut media = [medium(field, 1.0f32)];
+        let ray_inside = local(&media[0], &ray);
+        let exact = Depth::new(field, &ray_inside, f64::INFINITY);
+        let length = Depth::new(&smooth, &ray_inside, f64::INFINITY).total();
+        if length <= 0.0 {
             continue;
         }
         // 1 to 6.5 deep: T from 0.37 to 0.0015.
         let tau = 1.0 + 0.5 * i as f64;
-        let sigma = (tau / exact.total()) as f32;
-        media[0] = medium(&field, sigma);
+        let sigma = (tau / length) as f32;
+        media[0] = medium(field, sigma);
         let sigma = f64::from(sigma);
         let mut sampler = Sampler::new(rng(200 + i));
         let found: Welford = (0..samples)
@@ -252,12 +266,37 @@ fn rough_field(suite: &mut Suite) -> Result<(), SelftestError> {
         flight.take(ks_lambda(&mut uniform), || format!("{tau} deep: {ray:?}"));
     }
     let n = rays as usize;
-    suite.worst("ratio tracking and its roulette, |z|", mean, z_bound(n));
-    suite.worst(
-        "free flights in a rough field, KS distance",
-        flight,
-        ks_bound(n),
-    );
+    let what = format!("ratio tracking and its roulette, {name}, |z|");
+    suite.worst(what, mean, z_bound(n));
+    let what = format!("free flights in {name}, KS distance");
+    suite.worst(what, flight, ks_bound(n));
+    Ok(())
+}
+
+/// Look-ups of a flight or a transmittance among spikes as high as f32 goes: null collisions would
+/// be without number, steps without length.
+fn spikes_without_end(suite: &mut Suite) -> Result<(), SelftestError> {
+    let mut random = rng(34);
+    let mut worst = Worst::default();
+    for spike in [1e10, 1e20, 1e38] {
+        let field = rough(spike)?;
+        let media = [medium(&field, 0.05f32)];
+        for i in 0..suite.choose([200, 1000, 10_000]) {
+            let mut ray = ray_through(&field, &mut random);
+            ray.origin += field.origin().as_vec3();
+            let mut sampler = Sampler::new(rng(300 + i));
+            let mut hero = Hero::choose(&mut sampler.rng);
+            let tr = transmittance(&media, &ray, f32::INFINITY, &mut sampler);
+            let end = sample_free_flight(&media, &ray, f32::INFINITY, &mut hero, &mut sampler);
+            let finite = tr.is_finite() && end.is_none_or(|c| c.t.is_finite());
+            let lookups = sampler.counters.density_lookups as f64;
+            worst.take(if finite { lookups } else { f64::NAN }, || {
+                format!("{spike:e}: {ray:?}")
+            });
+        }
+    }
+    let what = "look-ups of a flight and a transmittance among spikes of 1e38";
+    suite.worst(what, worst, MOST_AMONG_SPIKES);
     Ok(())
 }
 
@@ -269,5 +308,7 @@ pub fn checks(suite: &mut Suite) -> Result<(), SelftestError> {
     let samples = suite.choose([10_000, 40_000, 400_000]);
     decades(suite, samples)?;
     faint(suite)?;
-    rough_field(suite)
+    rough_field(suite, "a rough field", &rough(0.75)?)?;
+    rough_field(suite, "a field of spikes", &rough(3e4)?)?;
+    spikes_without_end(suite)
 }

@@ -55,6 +55,10 @@ use hierarchy::{Hierarchy, Primitive, Ray, normal};
 
 use crate::scene::{Material, Object, Optics, Rgb};
 
+/// Least difference of the indices on both sides at which rough facets bend light. Smaller: the
+/// half vector of what they refract is lost in rounding; larger: glass without its gloss.
+const BENDS: f64 = 1e-4;
+
 /// Every surface of a scene.
 #[derive(Debug)]
 pub struct Surfaces {
@@ -327,7 +331,7 @@ impl Surfaces {
             Material::Glass { ior, roughness } => Lobe::Glass {
                 ior: ior as f32,
                 // Facets of the same index on both sides bend nothing.
-                ggx: rough(roughness).filter(|_| (ior - 1.0).abs() > 1e-4),
+                ggx: rough(roughness).filter(|_| (ior - 1.0).abs() > BENDS),
             },
             Material::Conductor { eta, k, roughness } => Lobe::Conductor {
                 eta,

@@ -455,13 +455,32 @@ fn free_flights_have_the_exact_distribution() {
 /// medium its own share of the collisions.
 #[test]
 fn chromatic_flights_weigh_to_every_channels_distribution() {
-    let grids = two_grids();
+    chromatic_flights(&two_grids(), 1.0);
+}
+
+/// The same cell by cell: the first grid is a thousand mean free paths of its spikes wide.
+#[test]
+fn chromatic_flights_among_spikes_weigh_to_every_channels_distribution() {
+    let [_, second] = two_grids();
+    let edge = IVec3::splat(16);
+    let spikes = grid(-edge, edge, |v| {
+        if (v.x + 3 * v.y + 5 * v.z).rem_euclid(97) == 0 {
+            2e4
+        } else {
+            1.0
+        }
+    });
+    chromatic_flights(&[spikes, second], 0.5);
+}
+
+fn chromatic_flights(grids: &[Grid; 2], scale: f32) {
     let colours = [
         Vec3::new(0.2, 0.1, 0.03),
         Vec3::new(0.0, 0.06, 0.12),
         Vec3::new(0.05, 0.02, 0.03),
-    ];
-    let both = overlapping(&grids, colours);
+    ]
+    .map(|c| c * scale);
+    let both = overlapping(grids, colours);
     let mut random = rng(26);
     let (rays, samples, bins) = (12, 20_000, 6);
     let bound = z_bound(2 * rays * 3 * bins);
@@ -470,7 +489,7 @@ fn chromatic_flights_weigh_to_every_channels_distribution() {
         // One grid alone, and all media together, take different roads.
         let media = if index < rays { &both[..1] } else { &both[..] };
         let ray = random_ray(&mut random);
-        let depths = Depths::new(&grids, &both, &ray);
+        let depths = Depths::new(grids, &both, &ray);
         let exact = |c: usize, t: f64| {
             let mut sigma = colours.map(|s| f64::from(s[c]));
             if media.len() == 1 {
