@@ -152,12 +152,12 @@ impl GridField {
     /// unit for that of density 1 \[1/m\].
     #[must_use]
     pub fn in_units<S: Spectrum>(
-        grid: Grid,
+        grid: impl Into<Arc<Grid>>,
         after: &DAffine3,
         origin: DVec3,
         sigma_t: S,
     ) -> (Self, S) {
-        let (grid, unit) = grid.in_units();
+        let (grid, unit) = grid.into().in_units();
         let sigma_t = sigma_t.map(|k| (k * unit).min(MOST_EXTINCTION));
         let field = Self::new(grid, after, origin, sigma_t.max_channel());
         (field, sigma_t)

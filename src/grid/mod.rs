@@ -32,6 +32,8 @@ pub mod plateau;
 mod values;
 pub mod walk;
 
+use std::sync::Arc;
+
 use glam::{DAffine3, DVec3, IVec3, UVec3, Vec3};
 use wide::{f32x4, f64x4};
 
@@ -300,7 +302,7 @@ impl Grid {
     /// the greatest, so that nothing is rounded but what is 1e-38 of it, and sums along a ray of
     /// values near f32's limits are not beyond them.
     #[must_use]
-    pub fn in_units(self) -> (Self, f32) {
+    pub fn in_units(self: Arc<Self>) -> (Arc<Self>, f32) {
         let greatest = self.range[1];
         if greatest <= 0.0 || ORDINARY.contains(&greatest) {
             return (self, 1.0);
@@ -310,9 +312,9 @@ impl Grid {
         let scaled = Self {
             values: self.values.scaled(1.0 / unit),
             range: self.range.map(|v| v / unit),
-            ..self
+            ..Self::clone(&self)
         };
-        (scaled, unit)
+        (Arc::new(scaled), unit)
     }
 
     /// Bytes that the field takes in memory, as allocated.
