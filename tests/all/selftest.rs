@@ -21,6 +21,19 @@ macro_rules! families {
                 all_pass($name, Effort::Quick);
             }
         )*
+        /// The same with all points, rays and samples: an hour together, furnaces most of it.
+        mod exhaustive {
+            use super::{Effort, all_pass};
+
+            $(
+                #[test]
+                #[ignore = "with all its points, rays and samples: minutes"]
+                fn $test() {
+                    all_pass($name, Effort::Exhaustive);
+                }
+            )*
+        }
+
         /// Every family is one of the tests above.
         #[test]
         fn no_family_is_left_out() {
@@ -42,12 +55,4 @@ families! {
     energy "energy";
     equivalence "equivalence";
     long "long";
-}
-
-#[test]
-#[ignore = "every family with all its points, rays and samples: an hour"]
-fn exhaustive() {
-    for (family, _) in FAMILIES {
-        all_pass(family, Effort::Exhaustive);
-    }
 }
