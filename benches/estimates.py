@@ -2,13 +2,14 @@
 """The photon estimates and the path tracer at equal time, and the time each needs for relMSE 0.01.
 
     cargo build --release && benches/estimates.py [SCENE ...]       # some minutes; prints two tables
+    benches/estimates.py --paths [SCENE ...]                         # the second one only
 
 Time is CPU seconds of the process, less those of a render of one pixel with one photon (reading,
 building): shares of a busy machine, not its load, decide. References are two long path-traced
 pictures of different seeds; half the relMSE between them is what one of them adds, and is
 subtracted. Equal time: one pass of the point estimate, and as many passes of the beam estimate as
 fit into no more. Time to relMSE 0.01: paths by their law, relMSE ~ 1 / time, from a run near it;
-beams the cheapest setting of photons and passes tried that is below it.
+beams the cheapest setting of photons and passes tried whose mean over three seeds is below it.
 """
 import json
 import os
@@ -32,7 +33,9 @@ REFERENCE_SPP = 64
 # own choice and at small ones, all from photons as there too, and the fixed-radius form.
 POINTS = [("sampled", ""), ("sampled", 'search = "radius"\n'), ("sampled", "march = { step = 0.5 }\n"),
           ("photons", ""), ("photons", "march = { step = 0.5 }\n")]
-BEAMS = [(12_500, 1), (25_000, 1), (50_000, 1), (100_000, 1), (100_000, 2), (200_000, 2), (200_000, 4)]
+BEAMS = [(n, 1) for n in (12_500, 25_000, 37_500, 50_000, 62_500, 75_000, 100_000, 150_000, 200_000)]
+BEAMS += [(200_000, 2), (200_000, 4)]
+SEEDS = (1, 2, 3)
 
 
 class Scene:
@@ -70,17 +73,22 @@ class Scene:
     def error(self, picture):
         return self.compare(picture, self.references[0]) - self.own
 
-    def run(self, *options, keys=""):
-        seconds, picture = self.render("picture", "--seed", 1, *options, keys=keys)
-        return seconds, self.error(picture)
+    def run(self, *options, keys="", seeds=(1,)):
+        """CPU seconds and relMSE, means over seeds."""
+        runs = []
+        for seed in seeds:
+            seconds, picture = self.render("picture", "--seed", seed, *options, keys=keys)
+            runs.append((seconds, self.error(picture)))
+        return tuple(sum(column) / len(runs) for column in zip(*runs))
 
 
 def main():
-    names = sys.argv[1:] or [n for n in SCENES if os.path.exists(os.path.join(ROOT, "scenes", n + ".toml"))]
+    points = [] if "--paths" in sys.argv else POINTS
+    names = [n for n in sys.argv[1:] if n != "--paths"] or [n for n in SCENES if os.path.exists(os.path.join(ROOT, "scenes", n + ".toml"))]
     with tempfile.TemporaryDirectory() as folder:
         for scene in (Scene(name, folder) for name in names):
             print(f"{scene.name}, {scene.resolution}; the reference adds {scene.own:.1e}", flush=True)
-            for direct, keys in POINTS:
+            for direct, keys in points:
                 direct = f'direct = "{direct}"\n'
                 point = scene.run("--method", "point", "--passes", 1, keys=direct + keys)
                 one = scene.run("--passes", 1, keys=direct)
@@ -97,7 +105,7 @@ def main():
             print(f"  path, {spp // 4:4} spp           {path[0]:8.2f} s  relMSE {path[1]:.2e}  "
                   f"{paths:.2f} s to 0.01", flush=True)
             for photons, passes in BEAMS:
-                beam = scene.run("--photons", photons, "--passes", passes)
+                beam = scene.run("--photons", photons, "--passes", passes, seeds=SEEDS)
                 print(f"  beam, {passes} x {photons:7} photons {beam[0]:6.2f} s  relMSE {beam[1]:.2e}", flush=True)
                 if beam[1] < 0.01:
                     print(f"  beam takes 1/{paths / beam[0]:.1f} of the paths' time to relMSE 0.01", flush=True)

@@ -23,9 +23,10 @@ use std::time::Instant;
 
 use glam::{UVec3, Vec3};
 use vpm_vdb::effects::EffectPlan;
+use vpm_vdb::estimate::bands::{Bands, TILE, TILE_RAYS, TileGrid};
 use vpm_vdb::estimate::beam::{self, Stretch};
 use vpm_vdb::estimate::kernel::Kernel;
-use vpm_vdb::estimate::tiles::{Bands, TILE, TILE_RAYS, TileGrid, TileRays};
+use vpm_vdb::estimate::tiles::TileRays;
 use vpm_vdb::estimate::wall::Wall;
 use vpm_vdb::grid::load::load_volumes;
 use vpm_vdb::march::{Profile, transmittance};

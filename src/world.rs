@@ -24,7 +24,7 @@ use crate::ray::{Bounds, Ray};
 use crate::scene::{Emission, March, Optics, Scene};
 use crate::spectrum::Spectrum;
 use crate::surface::{Hit, Inside, SurfaceError, Surfaces};
-use crate::tracking::Sampler;
+use crate::tracking::{Counters, Sampler};
 
 /// Grids of a scene's volumes, in order. A clone shares them.
 #[derive(Debug, Clone)]
@@ -457,15 +457,32 @@ impl<S: Spectrum> World<S> {
         p: glam::Vec3,
         sampler: &mut Sampler,
     ) -> Option<LightSample<S>> {
+        let u = match light {
+            Light::Emitter(_) => std::array::from_fn(|_| sampler.uniform()),
+            _ if self.points => [sampler.uniform(), sampler.uniform(), 0.0],
+            _ => [0.0; 3],
+        };
+        self.sample_light_at(light, p, u, &mut sampler.counters)
+    }
+
+    /// The same from the point of the light that `u` gives.
+    #[inline]
+    #[must_use]
+    pub fn sample_light_at(
+        &self,
+        light: &Light<S>,
+        p: glam::Vec3,
+        u: [f32; 3],
+        counters: &mut Counters,
+    ) -> Option<LightSample<S>> {
         match (light, &self.surfaces) {
             (Light::Emitter(emitter), Some(surfaces)) => {
-                let u = [sampler.uniform(), sampler.uniform(), sampler.uniform()];
-                sampler.counters.effects.light_points += 1;
+                counters.effects.light_points += 1;
                 emitter.sample(surfaces, p, u)
             }
             _ if self.points => {
-                sampler.counters.effects.light_points += 1;
-                light.sample(p, sampler.uniform2())
+                counters.effects.light_points += 1;
+                light.sample(p, [u[0], u[1]])
             }
             // All are points to a point.
             _ => light.sample(p, [0.0; 2]),

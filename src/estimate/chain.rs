@@ -22,6 +22,7 @@ use crate::estimate::direct::DirectLights;
 use crate::estimate::emission;
 use crate::estimate::gather::MediaPhotons;
 use crate::estimate::point::Sphere;
+use crate::estimate::spread::Spread;
 use crate::estimate::wall::Wall;
 use crate::film::Sample;
 use crate::march::{Profile, transmittance};
@@ -40,9 +41,6 @@ const ROULETTE_BELOW: f32 = 0.1;
 
 /// Transmittance below which what lies behind is not looked at; the profile's own end is e^-18.
 const SPENT: f32 = 1e-7;
-
-/// Next events at a hit, for each light.
-const LIGHT_SAMPLES: u32 = 2;
 
 /// Directions toward the sky at a hit.
 const SKY_SAMPLES: u32 = 2;
@@ -312,11 +310,15 @@ impl<S: Spectrum, H: Heading> Chain<'_, S, H> {
         let (world, hit) = (self.world, &link.hit);
         let mut sum = S::ZERO;
         let shift = sampler.uniform();
-        for i in 0..LIGHT_SAMPLES {
-            let pick = (shift + i as f32 / LIGHT_SAMPLES as f32).fract();
+        let points = Spread::new(sampler);
+        let count = self.lights.on_surface;
+        for i in 0..count {
+            let pick = (shift + i as f32 / count as f32).fract();
             self.lights
                 .visit_picked(world, hit.position, pick, |light, weight| {
-                    let Some(sample) = world.sample_light(light, hit.position, sampler) else {
+                    let counters = &mut sampler.counters;
+                    let sample = world.sample_light_at(light, hit.position, points.at(i), counters);
+                    let Some(sample) = sample else {
                         return;
                     };
                     let f = bsdf.eval(link.ray.direction, sample.direction, Transport::Radiance);
@@ -326,7 +328,7 @@ impl<S: Spectrum, H: Heading> Chain<'_, S, H> {
                     }
                 });
         }
-        sum * (1.0 / LIGHT_SAMPLES as f32)
+        sum * (1.0 / count as f32)
     }
 
     /// Light straight from the sky, reflected toward the camera.

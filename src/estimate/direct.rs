@@ -6,7 +6,8 @@
 //! equiangular     pdf(t) = D / ((theta_b - theta_a) (D^2 + (t - t_0)^2))
 //! ```
 //!
-//! Distances are stratified. Distant lights use free flight alone; local ones share the samples
+//! Distances are stratified, and the points on an area light that a ray's samples are joined to
+//! are spread over it (`spread`). How many samples a ray gets depends on the photons of a pass. Distant lights use free flight alone; local ones share the samples
 //! between both densities by the balance heuristic: free flight finds the medium, equiangular
 //! the surroundings of the light. Both keep to the part of the ray that the light can be seen
 //! from: inside a spot's cone, before a quad. Shadow rays are exact marches: their cost is like
@@ -21,6 +22,7 @@
 
 use glam::Vec3;
 
+use crate::estimate::spread::Spread;
 use crate::light::Light;
 use crate::march::{Profile, transmittance};
 use crate::ray::Ray;
@@ -29,8 +31,29 @@ use crate::surface::Inside;
 use crate::tracking::Sampler;
 use crate::world::World;
 
-/// Distances sampled on each ray for each light (or picked light).
-pub const SAMPLES: u32 = 8;
+/// Most distances sampled on each ray for each light (or picked light), and fewest; even, since two
+/// densities share them.
+const MOST_SAMPLES: u32 = 8;
+const FEWEST_SAMPLES: u32 = 2;
+
+/// Samples for each photon of a pass, times the square root of the rays of a pass. More: shadow
+/// rays that take the time of photons which would lessen the noise more; fewer: the reverse.
+/// Measured on `cloud` and `rising_smoke` (docs/photon-estimates.md): 0.005 and 0.007.
+const SAMPLES_PER_PHOTON: f64 = 0.006;
+
+/// Points on lights joined to a point of a surface, where lights are wide or picked from.
+const SURFACE_SAMPLES: u32 = 4;
+
+/// Distances sampled on each of `rays` camera rays of a pass, beside as many photons.
+///
+/// The variance of the first order falls as 1 / samples at a cost of samples times rays, that of
+/// photons as 1 / photons at a cost of photons: their sum is least, for the time that both take,
+/// where samples ~ photons / sqrt(rays).
+#[must_use]
+pub fn samples_beside(photons: u64, rays: u64) -> u32 {
+    let best = SAMPLES_PER_PHOTON * photons as f64 / (rays.max(1) as f64).sqrt();
+    2 * ((0.5 * best).round() as u32).clamp(FEWEST_SAMPLES / 2, MOST_SAMPLES / 2)
+}
 
 /// Lights up to which every one is sampled; more are picked from.
 const ALL_LIGHTS: usize = 3;
@@ -44,6 +67,10 @@ const ALIKE: f32 = 0.1;
 pub struct DirectLights {
     /// Indices in the world.
     lights: Vec<usize>,
+    /// Distances sampled on each ray for each light, or picked light.
+    samples: u32,
+    /// Points on lights joined to a point of a surface.
+    pub(super) on_surface: u32,
 }
 
 /// What makes a light likely to be picked: shares of `total`, spread over `count` lights.
@@ -72,15 +99,21 @@ impl Pick {
 }
 
 impl DirectLights {
-    /// From a world; plain skies and media that shine are left to the photons.
+    /// From a world, for `photons` beside `rays` camera rays in a pass; plain skies and media that
+    /// shine are left to the photons.
     #[must_use]
-    pub fn new<S: Spectrum>(world: &World<S>) -> Self {
+    pub fn new<S: Spectrum>(world: &World<S>, photons: Option<u64>, rays: u64) -> Self {
         let lights = world.lights.iter().enumerate();
+        let lights: Vec<usize> = lights
+            .filter(|(_, light)| light.is_sampled() && light.brightness() > 0.0)
+            .map(|(i, _)| i)
+            .collect();
+        // A few lights that are points to a point send the same however often they are asked.
+        let drawn = lights.len() > ALL_LIGHTS || lights.iter().any(|i| world.lights[*i].is_wide());
         Self {
-            lights: lights
-                .filter(|(_, light)| light.is_sampled() && light.brightness() > 0.0)
-                .map(|(i, _)| i)
-                .collect(),
+            samples: photons.map_or(MOST_SAMPLES, |photons| samples_beside(photons, rays)),
+            on_surface: if drawn { SURFACE_SAMPLES } else { 1 },
+            lights,
         }
     }
 
@@ -146,26 +179,25 @@ impl DirectLights {
         let extent = profile.extent();
         let lights = self.lights.iter().map(|i| &world.lights[*i]);
         let mut sum = S::ZERO;
+        let points = Spread::new(sampler);
         if self.lights.len() <= ALL_LIGHTS {
             for light in lights {
                 let Some(reach) = Reach::new(light, ray, extent) else {
                     continue;
                 };
-                for i in 0..SAMPLES {
-                    // Both densities get every stratum of every second sample.
-                    let u = ((i / 2) as f32 + sampler.uniform()) * (2.0 / SAMPLES as f32);
-                    let by_angle = i % 2 == 0;
-                    sum += one_sample(
-                        world,
-                        &reach,
-                        (ray, inside),
-                        profile,
-                        (u, by_angle),
-                        sampler,
-                    );
+                for i in 0..self.samples {
+                    // Of two densities each gets every stratum of its own half of the samples.
+                    let per_stratum = if reach.angles.is_some() { 2 } else { 1 };
+                    let stratum = (i / per_stratum) as f32 + sampler.uniform();
+                    let draw = Draw {
+                        distance: stratum * (per_stratum as f32 / self.samples as f32),
+                        by_angle: i % 2 == 0,
+                        point: points.at(i),
+                    };
+                    sum += one_sample(world, &reach, (ray, inside), profile, draw, sampler);
                 }
             }
-            return sum * (1.0 / SAMPLES as f32);
+            return sum * (1.0 / self.samples as f32);
         }
         let weight = |light| Reach::new(light, ray, extent).map_or(0.0, |reach| reach.weight());
         let mut pick = Pick::default();
@@ -173,25 +205,22 @@ impl DirectLights {
         // Evenly spaced picks with one shift; where a pick falls in a light's share is the light's
         // own stratum.
         let mut next = sampler.uniform();
-        let mut lower = 0.0;
+        let (mut lower, mut picks) = (0.0, 0);
         for light in lights {
             let Some(reach) = Reach::new(light, ray, extent) else {
                 continue;
             };
-            let share = pick.share(reach.weight()) * SAMPLES as f32;
+            let share = pick.share(reach.weight()) * self.samples as f32;
             while next < lower + share {
-                let u = ((next - lower) / share).clamp(0.0, 1.0 - f32::EPSILON);
-                let by_angle = sampler.uniform() < 0.5;
-                let l = one_sample(
-                    world,
-                    &reach,
-                    (ray, inside),
-                    profile,
-                    (u, by_angle),
-                    sampler,
-                );
+                let draw = Draw {
+                    distance: ((next - lower) / share).clamp(0.0, 1.0 - f32::EPSILON),
+                    by_angle: sampler.uniform() < 0.5,
+                    point: points.at(picks),
+                };
+                let l = one_sample(world, &reach, (ray, inside), profile, draw, sampler);
                 sum += l * (1.0 / share);
                 next += 1.0;
+                picks += 1;
             }
             lower += share;
         }
@@ -307,6 +336,17 @@ impl Equiangular {
     }
 }
 
+/// What is drawn for a sample.
+#[derive(Debug, Clone, Copy)]
+struct Draw {
+    /// Of the distance, in [0, 1).
+    distance: f32,
+    /// The distance is drawn by angle.
+    by_angle: bool,
+    /// Of the point on the light, in [0, 1).
+    point: [f32; 3],
+}
+
 /// One distance for one light, by angle or by free flight; each gets half of the samples if the
 /// light is local.
 fn one_sample<S: Spectrum>(
@@ -314,20 +354,20 @@ fn one_sample<S: Spectrum>(
     reach: &Reach<'_, S>,
     (ray, inside): (&Ray, &Inside),
     profile: &Profile<S>,
-    (u, by_angle): (f32, bool),
+    draw: Draw,
     sampler: &mut Sampler,
 ) -> S {
     let (light, extent) = (reach.light, reach.extent);
     let (t, pdf) = match &reach.angles {
         None => {
-            let t = flight_distance(profile, extent, u, sampler);
+            let t = flight_distance(profile, extent, draw.distance, sampler);
             (t, flight_pdf(profile, extent, t))
         }
         Some(angles) => {
-            let t = if by_angle {
-                angles.sample(u).clamp(extent.0, extent.1)
+            let t = if draw.by_angle {
+                angles.sample(draw.distance).clamp(extent.0, extent.1)
             } else {
-                flight_distance(profile, extent, u, sampler)
+                flight_distance(profile, extent, draw.distance, sampler)
             };
             (t, 0.5 * (flight_pdf(profile, extent, t) + angles.pdf(t)))
         }
@@ -336,7 +376,8 @@ fn one_sample<S: Spectrum>(
         return S::ZERO;
     }
     let position = ray.at(t);
-    let Some(sample) = world.sample_light(light, position, sampler) else {
+    let counters = &mut sampler.counters;
+    let Some(sample) = world.sample_light_at(light, position, draw.point, counters) else {
         return S::ZERO;
     };
     // Scattering coefficient times phase function, summed over the media there.
@@ -357,4 +398,27 @@ fn one_sample<S: Spectrum>(
     };
     let tr = world.reach(&shadow, sample.distance, inside, sampler, transmittance);
     profile.transmittance(t) * scattering * sample.value * tr * (1.0 / pdf)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::samples_beside;
+
+    /// Even, within bounds, and as photons over the square root of the rays between.
+    #[test]
+    fn samples_follow_photons_and_rays() {
+        for (photons, rays, expected) in [
+            (0, 0, 2),
+            (50_000, 320 * 200, 2),
+            (200_000, 200 * 200, 6),
+            (600_000, 640 * 400, 8),
+            (u64::MAX, 1, 8),
+        ] {
+            assert_eq!(
+                samples_beside(photons, rays),
+                expected,
+                "{photons} beside {rays}"
+            );
+        }
+    }
 }

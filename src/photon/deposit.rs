@@ -95,18 +95,12 @@ pub struct DepositRate {
     /// Edge of a cell. \[m\]
     edge: f32,
     dims: UVec3,
-    cells: Vec<Cell>,
+    /// Of each cell, over the scale; nothing is deposited where it is 0. \[1/m\]
+    rates: Vec<f32>,
+    /// Largest radius in each cell. \[m\]
+    reaches: Vec<f32>,
     /// Rate where a cell has 1. \[1\]
     scale: f32,
-}
-
-/// One cell: nothing is deposited where the rate is 0.
-#[derive(Debug, Clone, Copy, Default)]
-struct Cell {
-    /// Over the scale. \[1/m\]
-    rate: f32,
-    /// Largest radius. \[m\]
-    reach: f32,
 }
 
 impl DepositRate {
@@ -123,7 +117,8 @@ impl DepositRate {
                 bounds: Bounds::EMPTY,
                 edge: 1.0,
                 dims: UVec3::ZERO,
-                cells: Vec::new(),
+                rates: Vec::new(),
+                reaches: Vec::new(),
                 scale: FIRST_SCALE,
             };
         }
@@ -133,7 +128,8 @@ impl DepositRate {
             bounds,
             edge,
             dims,
-            cells: vec![Cell::default(); (dims.x * dims.y * dims.z) as usize],
+            rates: vec![0.0; (dims.x * dims.y * dims.z) as usize],
+            reaches: vec![0.0; (dims.x * dims.y * dims.z) as usize],
             scale: FIRST_SCALE,
         };
         for (medium, part) in media.iter().zip(parts).filter(|(_, p)| p.reach > 0.0) {
@@ -176,13 +172,12 @@ impl DepositRate {
             for y in first.y..=end.y {
                 for z in first.z..=end.z {
                     let at = self.index(UVec3::new(x, y, z));
-                    let cell = &mut self.cells[at];
-                    cell.reach = if cell.rate > 0.0 {
-                        cell.reach.min(reach)
+                    self.reaches[at] = if self.rates[at] > 0.0 {
+                        self.reaches[at].min(reach)
                     } else {
                         reach
                     };
-                    cell.rate = cell.rate.max(rate);
+                    self.rates[at] = self.rates[at].max(rate);
                 }
             }
         }
@@ -210,16 +205,16 @@ impl DepositRate {
     #[inline]
     #[must_use]
     pub fn reach(&self, p: Vec3) -> f32 {
-        if self.cells.is_empty() {
+        if self.rates.is_empty() {
             return 0.0;
         }
-        self.cells[self.index(self.cell_of(p))].reach
+        self.reaches[self.index(self.cell_of(p))]
     }
 
     /// Visits the deposits on [0, t_max] of a ray with their rate \[1/m\]. `left` is the integral of
     /// the rate up to the next one, and is kept from one straight piece of a way to the next.
     pub fn along(&self, ray: &Ray, t_max: f32, left: &mut f32, mut visit: impl FnMut(f32, f32)) {
-        if self.cells.is_empty() {
+        if self.rates.is_empty() {
             return;
         }
         let ends = [ray.origin, ray.at(t_max)];
@@ -227,7 +222,7 @@ impl DepositRate {
             // In a dense cloud most pieces stay in one cell.
             let [first, last] = ends.map(|p| self.cell_of(p));
             if first == last {
-                let rate = self.cells[self.index(first)].rate * self.scale;
+                let rate = self.rates[self.index(first)] * self.scale;
                 count_down(t_max * rate, left, |rest| visit(t_max - rest / rate, rate));
                 return;
             }
@@ -247,11 +242,13 @@ impl DepositRate {
         for axis in (0..3).filter(|a| inverse[*a].is_finite()) {
             exits[axis] = exit(axis, cell[axis]);
         }
+        let strides = [self.dims.y * self.dims.z, self.dims.z, 1].map(|s| s as isize);
+        let mut at = self.index(cell.as_uvec3());
         let mut t = t0;
         loop {
             let axis = exits.min_position();
             let end = exits[axis].clamp(t, t1);
-            let rate = self.cells[self.index(cell.as_uvec3())].rate * self.scale;
+            let rate = self.rates[at] * self.scale;
             count_down((end - t) * rate, left, |rest| {
                 visit(end - rest / rate, rate);
             });
@@ -259,10 +256,12 @@ impl DepositRate {
                 return;
             }
             t = end;
-            cell[axis] += if inverse[axis] > 0.0 { 1 } else { -1 };
+            let forward = if inverse[axis] > 0.0 { 1 } else { -1 };
+            cell[axis] += forward;
             if cell[axis] < 0 || cell[axis] >= self.dims[axis] as i32 {
                 return;
             }
+            at = at.wrapping_add_signed(strides[axis] * forward as isize);
             exits[axis] = exit(axis, cell[axis]);
         }
     }
@@ -328,8 +327,8 @@ mod tests {
             for i in 0..30_000 {
                 let p = ray.at((i as f32 + 0.5) * step);
                 if rates.bounds.contains(p) {
-                    let cell = rates.cells[rates.index(rates.cell_of(p))];
-                    integral += f64::from(cell.rate * rates.scale * step);
+                    let rate = rates.rates[rates.index(rates.cell_of(p))];
+                    integral += f64::from(rate * rates.scale * step);
                 }
             }
             let (mut count, mut inverse) = (0, 0.0f64);

@@ -24,8 +24,8 @@ use glam::Vec3;
 use thiserror::Error;
 
 use crate::effects::EffectPlan;
+use crate::estimate::bands::TileGrid;
 use crate::estimate::direct::DirectLights;
-use crate::estimate::tiles::TileGrid;
 use crate::film::{Film, Sample};
 use crate::grid::load::load_volumes;
 use crate::photon::{Energy, Heading, Packed};
@@ -380,8 +380,11 @@ fn in_world<S: Spectrum, T>(
     for warning in world.surfaces.iter().flat_map(Surfaces::warnings) {
         (exec.warn)(&warning.to_string());
     }
-    let lights = DirectLights::new(&world);
     let [width, height] = scene.camera.resolution;
+    let settings = &scene.settings;
+    // Of the whole picture: a crop shows the same pixels.
+    let rays = u64::from(width) * u64::from(height) * u64::from(settings.spp);
+    let lights = DirectLights::new(&world, plan.photons.then_some(settings.photons), rays);
     let [x0, y0, x1, y1] = scene.settings.crop.unwrap_or([0, 0, width, height]);
     Ok(then(&Job {
         scene,

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use super::{Job, Tally};
 use crate::photon::deposit::DepositRate;
-use crate::photon::radius::RadiusField;
+use crate::photon::radius::{PILOT_NEIGHBOURS, RadiusField};
 use crate::photon::surface::SurfaceRadius;
 use crate::photon::{Heading, Photons, TraceSettings, trace_photons};
 use crate::rng::Stage;
@@ -21,6 +21,13 @@ const LEAST: f32 = 1e-5;
 /// Greatest radius on surfaces, a share of theirs. Smaller: noise where few photons are; larger:
 /// light from the next room.
 const MOST_ON_SURFACES: f32 = 0.1;
+
+/// Photons of a pilot estimate for a pass of `photons` whose kernels hold `neighbours`: so many that
+/// the ball of its neighbours is half as large as such a kernel. More tell what kernels blur again.
+fn pilots(photons: u64, neighbours: u32) -> u64 {
+    let enough = photons.saturating_mul(2 * PILOT_NEIGHBOURS as u64) / u64::from(neighbours.max(1));
+    enough.min(PILOT_EMITTED).clamp(1, photons.max(1))
+}
 
 /// Radii from the pilots: of photons in media, and of points on surfaces.
 pub(super) struct Radii<S> {
@@ -50,7 +57,7 @@ pub(super) fn radii<S: Spectrum, H: Heading>(job: &Job<'_, S>, tally: &mut Tally
     let mut rate = rate.clone();
     rate.settle(deposits as f64 / trace.emit as f64);
     trace.rate = &rate;
-    trace.emit = PILOT_EMITTED.clamp(1, settings.photons);
+    trace.emit = pilots(settings.photons, settings.neighbours);
     let Photons {
         first,
         higher,

@@ -22,9 +22,10 @@ use glam::{DVec3, Vec3};
 
 use super::fields::{render, rng, scene, unit};
 use super::{SelftestError, Suite, Worst, furnace};
+use crate::estimate::bands::{Bands, TILE_RAYS, TileGrid};
 use crate::estimate::beam;
 use crate::estimate::kernel::Kernel;
-use crate::estimate::tiles::{Bands, TILE_RAYS, TileGrid, TileRays};
+use crate::estimate::tiles::TileRays;
 use crate::march::Profile;
 use crate::photon::Photon;
 use crate::photon::map::PhotonMap;

@@ -7,9 +7,10 @@
 
 use glam::{DVec3, IVec3, Vec3};
 
+use vpm_vdb::estimate::bands::{Bands, TILE, TILE_RAYS, TileGrid};
 use vpm_vdb::estimate::beam::{self, Stretch};
 use vpm_vdb::estimate::kernel::Kernel;
-use vpm_vdb::estimate::tiles::{Bands, TILE, TILE_RAYS, TileGrid, TileRays};
+use vpm_vdb::estimate::tiles::TileRays;
 use vpm_vdb::estimate::wall::Wall;
 use vpm_vdb::film::Film;
 use vpm_vdb::grid::Grid;
@@ -22,9 +23,9 @@ use vpm_vdb::rng::Stage;
 use vpm_vdb::scene::{Direct, Fog, Light, March, Method, Optics, Phase, Rgb, Scene};
 use vpm_vdb::spectrum::Spectrum;
 use vpm_vdb::tracking::Counters;
-use vpm_vdb::world::{LoadedVolume, World};
+use vpm_vdb::world::World;
 
-use crate::fields::{grid, render, rng, scene, smoke, volume};
+use crate::fields::{grid, loaded, render, rng, scene, smoke, volume};
 use crate::stats::{Welford, chi_square_p, sidak, t_bound, z_bound};
 
 pub(crate) const FORWARD: Phase = Phase::HenyeyGreenstein(0.6);
@@ -413,14 +414,7 @@ fn colours_are_three_grey_pictures() {
 
 /// The hierarchy, the tiles and a plain loop over all photons, for the same photons and rays.
 fn check_gathers<S: Spectrum, H: Heading>(scene: &Scene, grids: &[&Grid]) {
-    let volumes = grids
-        .iter()
-        .map(|g| LoadedVolume {
-            density: (*g).clone().into(),
-            temperature: None,
-        })
-        .collect();
-    let world = World::<S>::new(scene, volumes).expect("no surfaces to fail");
+    let world = World::<S>::new(scene, loaded(grids)).expect("no surfaces to fail");
     let rate = DepositRate::new(&world.media, &world.parts);
     let trace = TraceSettings {
         rate: &rate,

@@ -10,6 +10,7 @@ use vpm_vdb::render::Rendered;
 use vpm_vdb::scene::{Convert, Scene};
 use vpm_vdb::selftest::fields;
 use vpm_vdb::vdb::Archive;
+use vpm_vdb::world::LoadedVolume;
 
 pub(crate) use vpm_vdb::selftest::fields::{
     blob, direction, medium, noise, patchy, ray_through, rng, scene, smoke, trilinear, unit, volume,
@@ -66,6 +67,17 @@ pub(crate) fn real_density(file: &str) -> Option<Grid> {
     let archive = Archive::open(&path).expect("a test volume can be opened");
     let loaded = load_grid(&archive, &path, None, taking).expect("its density can be read");
     Some(loaded.grid)
+}
+
+/// Grids as a scene's volumes in memory.
+pub(crate) fn loaded(grids: &[&Grid]) -> Vec<LoadedVolume> {
+    grids
+        .iter()
+        .map(|g| LoadedVolume {
+            density: (*g).clone().into(),
+            temperature: None,
+        })
+        .collect()
 }
 
 /// Renders a scene whose volumes are `grids`, in order.

@@ -15,10 +15,10 @@ use vpm_vdb::rng::{Rng, Stage};
 use vpm_vdb::scene::{Direct, Fog, Light, March, Method, Optics, Phase, Rgb, Scene, Search};
 use vpm_vdb::spectrum::Spectrum;
 use vpm_vdb::tracking::{Counters, Sampler};
-use vpm_vdb::world::{LoadedVolume, World};
+use vpm_vdb::world::World;
 
 use crate::agreement::{FORWARD, blob, blocks, image, lights, replicates, smoky, z};
-use crate::fields::{render, scene, volume};
+use crate::fields::{loaded, render, scene, volume};
 use crate::stats::{t_bound, z_bound};
 
 const SEARCHES: [Search; 2] = [Search::Nearest, Search::Radius];
@@ -32,14 +32,7 @@ struct Traced<S, H> {
 }
 
 fn traced<S: Spectrum, H: Heading>(scene: &Scene, grids: &[&Grid]) -> Traced<S, H> {
-    let volumes = grids
-        .iter()
-        .map(|g| LoadedVolume {
-            density: (*g).clone().into(),
-            temperature: None,
-        })
-        .collect();
-    let world = World::<S>::new(scene, volumes).expect("no surfaces to fail");
+    let world = World::<S>::new(scene, loaded(grids)).expect("no surfaces to fail");
     let rate = DepositRate::new(&world.media, &world.parts);
     let found = trace_photons::<S, H>(
         &world,
