@@ -15,7 +15,7 @@
 //!
 //! Where a voxel is many mean free paths of the majorant wide, null collisions would be without
 //! number (a spike of 1e38 beside densities of 1) and shorter than f32 resolves: such segments are
-//! followed cell by cell ([`dense`]). Colour: see [`hero`].
+//! followed cell by cell (`dense.rs`). Colour: see `hero.rs`.
 //!
 //! The field is read by one stochastic tap in place of eight: every use here is linear in it.
 
