@@ -7,9 +7,9 @@
 //! ```
 //!
 //! Distances are stratified, and the points on an area light that a ray's samples are joined to
-//! are spread over it (`spread`). How many samples a ray gets depends on the photons of a pass. Distant lights use free flight alone; local ones share the samples
-//! between both densities by the balance heuristic: free flight finds the medium, equiangular
-//! the surroundings of the light. Both keep to the part of the ray that the light can be seen
+//! are spread over it (`spread`). How many samples a ray gets depends on the photons of a pass.
+//! Distant lights use free flight alone; local ones share the samples between both densities by the
+//! balance heuristic: free flight finds the medium, equiangular the surroundings of the light. Both keep to the part of the ray that the light can be seen
 //! from: inside a spot's cone, before a quad. Shadow rays are exact marches: their cost is like
 //! ratio tracking's, and the grain of a picture is first of all that of its shadow rays. With many
 //! lights the samples are shared out in proportion to brightness times the integral of 1 / d^2
