@@ -23,6 +23,7 @@ pub mod ray;
 pub mod reference;
 pub mod render;
 pub mod report;
+pub mod resolution;
 pub mod rng;
 pub mod scene;
 pub mod selftest;

@@ -31,6 +31,7 @@ use crate::grid::load::load_volumes;
 use crate::photon::{Energy, Heading, Packed};
 use crate::progress::Progress;
 use crate::report::{ImageFigures, Memory, PhotonCounts, Report, Times, peak_rss_bytes};
+use crate::resolution;
 use crate::scene::{Method, Scene, Settings};
 use crate::spectrum::Spectrum;
 use crate::surface::Surfaces;
@@ -379,6 +380,9 @@ fn in_world<S: Spectrum, T>(
     let world = World::with(scene, volumes, plan.general)?;
     for warning in world.surfaces.iter().flat_map(Surfaces::warnings) {
         (exec.warn)(&warning.to_string());
+    }
+    for warning in resolution::warnings(&world) {
+        (exec.warn)(&warning);
     }
     let [width, height] = scene.camera.resolution;
     let settings = &scene.settings;

@@ -135,6 +135,26 @@ fn bad_pictures_of_lights_are_refused() {
     }
 }
 
+/// A fog whose mean free path positions do not resolve is rendered with a word; where it only
+/// absorbs, or is a tenth as dense, there is nothing to say.
+#[test]
+fn unresolved_scattering_is_told() {
+    let dir = folder();
+    let said = |extinction: &str, albedo: &str| {
+        let fog = format!(
+            "[[fog]]\nextinction = {extinction}\nalbedo = {albedo}\n\
+             box = {{ min = [-1, -1, -1], max = [1, 1, 1] }}\n"
+        );
+        said(dir.path(), &fog)
+    };
+    let warning = "warning: mean free path of 1.0e-5 m in a medium that reaches 1.732 m from the \
+                   middle of the scene: positions resolve 1.7e-5 m there, and its scattered light \
+                   comes out too dark\n";
+    assert_eq!(said("1e5", "0.5"), (0, warning.to_owned()));
+    assert_eq!(said("1e5", "0"), (0, String::new()));
+    assert_eq!(said("1e4", "0.5"), (0, String::new()));
+}
+
 /// What can be rendered all the same is, with a word on what was done. Glass that overlaps glass
 /// has a rule (the later object owns the place, `surface::interior`) and needs no word.
 #[test]
