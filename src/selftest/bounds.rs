@@ -8,13 +8,16 @@
 //! interpolations of f32. Bounds that hold may still be loose, and cost: those of unmerged bricks
 //! are attained, each by one of the 9^3 values under the cells.
 
+use std::collections::HashMap;
+
 use glam::{IVec3, Vec3};
+use rayon::prelude::*;
 
 use super::fields::{generated, rng, unit};
 use super::{SelftestError, Suite, Worst};
 use crate::grid::majorant::MajorantGrid;
 use crate::grid::{APRON, BRICK, Grid};
-use crate::rng::Rng;
+use crate::rng::{Rng, Stage};
 
 /// Three nested interpolations of f32, each of a difference, a product and a sum: at most six
 /// roundings of values up to twice the largest corner.
@@ -35,15 +38,38 @@ pub fn point(low: Vec3, high: Vec3, rng: &mut Rng) -> Vec3 {
     p
 }
 
+/// Points of one unit of parallel work.
+const CHUNK: u32 = 1 << 14;
+
 /// Points at which bounds do not hold: of a brick's range, of a majorant's cell.
 #[must_use]
 pub fn violations(name: &str, grid: &Grid, sigma: f32, points: u32, random: &mut Rng) -> Worst {
     let majorants = MajorantGrid::new(grid, sigma, 1.0);
+    if grid.support().is_empty() {
+        return Worst::default();
+    }
+    let seed = random.bits();
+    let chunks: Vec<Worst> = (0..points.div_ceil(CHUNK))
+        .into_par_iter()
+        .map_init(HashMap::new, |ranges, chunk| {
+            let count = CHUNK.min(points - chunk * CHUNK);
+            let mut random = Rng::stream(seed, Stage::Check, 0, chunk.into());
+            violations_at(name, (grid, &majorants), ranges, count, &mut random)
+        })
+        .collect();
+    chunks.into_iter().fold(Worst::default(), Worst::and)
+}
+
+/// The same at some points. A brick's range is that of 9^3 values: kept, once it is known.
+fn violations_at(
+    name: &str,
+    (grid, majorants): (&Grid, &MajorantGrid),
+    ranges: &mut HashMap<IVec3, [f32; 2]>,
+    points: u32,
+    random: &mut Rng,
+) -> Worst {
     let support = grid.support();
     let mut faults = Worst::default();
-    if support.is_empty() {
-        return faults;
-    }
     for _ in 0..points {
         let p = point(support.min - 2.0, support.max + 2.0, random);
         let value = grid.lookup(p);
@@ -61,7 +87,10 @@ pub fn violations(name: &str, grid: &Grid, sigma: f32, points: u32, random: &mut
             }
             let inside = p - step * 0.5;
             let brick = inside.floor().as_ivec3() >> 3i32;
-            for [low, high] in [majorants.bounds_at(inside), grid.brick_range(brick)] {
+            let range = *ranges
+                .entry(brick)
+                .or_insert_with(|| grid.brick_range(brick));
+            for [low, high] in [majorants.bounds_at(inside), range] {
                 faults.count(!(low - slack..=high + slack).contains(&value), || {
                     format!("{name}: {value} at {p}, bounds {low} to {high}")
                 });
