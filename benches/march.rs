@@ -15,8 +15,9 @@ mod media;
 mod volumes;
 
 use glam::Vec3;
+use vpm_vdb::grid::Grid;
 use vpm_vdb::grid::majorant::MajorantGrid;
-use vpm_vdb::grid::walk::walk;
+use vpm_vdb::grid::walk::{integral, walk};
 use vpm_vdb::march::Profile;
 use vpm_vdb::ray::Ray;
 use vpm_vdb::rng::{Rng, Stage};
@@ -30,6 +31,12 @@ use volumes::{files, load, timed};
 
 const RAYS: usize = 2000;
 const ROUNDS: usize = 10;
+
+/// Integral of the density along a ray.
+fn whole(grid: &Grid, majorants: &MajorantGrid, ray: &Ray) -> f64 {
+    let all = [0.0, f32::INFINITY];
+    integral(grid, majorants, &ray.into(), all, f64::INFINITY).0
+}
 
 fn main() {
     println!(
@@ -45,7 +52,6 @@ fn main() {
         let mut middles: Vec<Vec3> = Vec::new();
         let mut error = 0.0f64;
         for ray in &rays {
-            let mut depth = 0.0;
             walk(
                 &grid,
                 &majorants,
@@ -53,11 +59,11 @@ fn main() {
                 0.0,
                 f32::INFINITY,
                 |piece| {
-                    depth += piece.integral;
                     middles.push(ray.at(0.5 * (piece.t_min + piece.t_max)));
                     true
                 },
             );
+            let depth = whole(&grid, &majorants, ray);
             let exact = Depth::new(&grid, ray, f64::INFINITY).total();
             if exact > 0.0 {
                 error = error.max((depth / exact - 1.0).abs());
@@ -69,21 +75,8 @@ fn main() {
         let mut best = [f64::INFINITY; 3];
         for _ in 0..ROUNDS {
             let (marching, _) = timed(|| {
-                let mut depth = 0.0;
-                for ray in &rays {
-                    walk(
-                        &grid,
-                        &majorants,
-                        &ray.into(),
-                        0.0,
-                        f32::INFINITY,
-                        |piece| {
-                            depth += piece.integral;
-                            true
-                        },
-                    );
-                }
-                depth
+                let depths = rays.iter().map(|ray| whole(&grid, &majorants, ray));
+                depths.sum::<f64>()
             });
             let (looking, _) = timed(|| middles.iter().map(|p| grid.lookup(*p)).sum::<f32>());
             let (profiling, ()) = timed(|| {

@@ -98,17 +98,15 @@ fn whole_march(media: &[Medium<f32>], ray: &Ray, t_max: f32, sampler: &mut Sampl
         let Field::Grid(field) = &medium.field else {
             continue;
         };
-        sampler.counters.density_lookups += vpm_vdb::grid::walk::walk(
+        let (along, lookups) = vpm_vdb::grid::walk::integral(
             &field.grid,
             &field.majorants,
             &ray.into(),
-            0.0,
-            t_max,
-            |piece| {
-                depth += f64::from(medium.sigma_t) * piece.integral;
-                true
-            },
+            [0.0, t_max],
+            f64::INFINITY,
         );
+        sampler.counters.density_lookups += lookups;
+        depth += f64::from(medium.sigma_t) * along;
     }
     (-depth).exp() as f32
 }

@@ -24,7 +24,7 @@ use crate::scene::March;
 use crate::spectrum::Spectrum;
 use crate::tracking::{Counters, Sampler};
 
-use crate::grid::walk::{Piece, walk};
+use crate::grid::walk::{Piece, integral, walk};
 use wide::f32x8;
 
 /// Optical depth, in the thinnest channel, beyond which a ray is not followed. Lower: energy is
@@ -324,17 +324,16 @@ pub fn transmittance<S: Spectrum>(
                     });
             }
             Field::Grid(field) => {
-                sampler.counters.density_lookups += walk(
+                let local = field.placement.exact_ray(ray);
+                let (all, lookups) = integral(
                     &field.grid,
                     &field.majorants,
-                    &field.placement.exact_ray(ray),
-                    0.0,
-                    t_max,
-                    |piece| {
-                        depth += piece.integral;
-                        depth < f64::from(spent)
-                    },
+                    &local,
+                    [0.0, t_max],
+                    spent.into(),
                 );
+                depth = all;
+                sampler.counters.density_lookups += lookups;
             }
         }
         if depth >= f64::from(spent) {

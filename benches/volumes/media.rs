@@ -4,7 +4,7 @@ use glam::{DAffine3, DVec3, Vec3};
 use vpm_vdb::grid::Grid;
 use vpm_vdb::grid::majorant::MajorantGrid;
 use vpm_vdb::grid::merge::Merging;
-use vpm_vdb::grid::walk::walk;
+use vpm_vdb::grid::walk::integral;
 use vpm_vdb::medium::{Field, GridField, Medium, Placement};
 use vpm_vdb::phase::PhaseFunction;
 use vpm_vdb::ray::Ray;
@@ -27,19 +27,9 @@ pub(crate) fn extinction(grid: &Grid) -> f32 {
     let mut origin = support.center();
     origin[axis] = support.min[axis] - 1.0;
     let majorants = MajorantGrid::new(grid, 1.0, 1.0);
-    let mut depth = 0.0;
     let ray = Ray { origin, direction };
-    walk(
-        grid,
-        &majorants,
-        &(&ray).into(),
-        0.0,
-        f32::INFINITY,
-        |piece| {
-            depth += piece.integral;
-            true
-        },
-    );
+    let whole = [0.0, f32::INFINITY];
+    let (depth, _) = integral(grid, &majorants, &(&ray).into(), whole, f64::INFINITY);
     THICKNESS / depth as f32
 }
 

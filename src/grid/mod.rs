@@ -380,6 +380,26 @@ impl Corners {
         let high = (d - c).mul_add(y, c);
         (high - low).mul_add(x, low)
     }
+
+    /// Mean of the field over a chord of the cell, by its middle in \[0, 1\]^3 and its extent: see
+    /// `walk::integral`.
+    #[inline]
+    pub(crate) fn mean_along(&self, middle: f64x4, chord: f64x4) -> f64 {
+        let [x, y, z, _] = middle.to_array();
+        let [u, v, w, _] = chord.to_array();
+        let low = wide4(self.low);
+        let slope = wide4(self.high) - low;
+        let [a, b, c, d] = slope.mul_add(f64x4::splat(z), low).to_array();
+        let [p, q, r, s] = slope.to_array();
+        // At x, in lanes: the field and its slope in z, at x + 1 the same.
+        let low = f64x4::new([a, p, c, r]);
+        let along_y = f64x4::new([b, q, d, s]) - low;
+        let [f0, z0, f1, z1] = along_y.mul_add(f64x4::splat(y), low).to_array();
+        let [xy0, yz0, xy1, yz1] = along_y.to_array();
+        let yz = (yz1 - yz0).mul_add(x, yz0);
+        let bend = u * v * (xy1 - xy0) + u * w * (z1 - z0) + v * w * yz;
+        bend.mul_add(1.0 / 12.0, (f1 - f0).mul_add(x, f0))
+    }
 }
 
 /// Four floats as doubles.

@@ -17,7 +17,7 @@
 use wide::f64x4;
 
 use super::majorant::MajorantGrid;
-use super::{BRICK, Grid};
+use super::{BRICK, Corners, Grid};
 use crate::ray::{ExactRay, reciprocal};
 
 /// A piece of a ray on which the field is a cubic in t.
@@ -68,24 +68,80 @@ pub fn walk(
     ray: &ExactRay,
     t0: f32,
     t1: f32,
-    mut visit: impl FnMut(Piece) -> bool,
+    visit: impl FnMut(Piece) -> bool,
 ) -> u64 {
-    let line = Line::new(ray);
-    let mut lookups = 0;
-    // Integral over cells too short for a piece; the next one has it.
-    let mut sliver = 0.0;
+    let mut pieces = Pieces {
+        line: Line::new(ray),
+        visit,
+        last: (f64::NAN, 0.0),
+        sliver: 0.0,
+        lookups: 0,
+    };
+    cross(grid, majorants, ray, [t0, t1], &mut pieces);
+    pieces.lookups
+}
+
+/// Integral of the field along a local-space ray inside [t0, t1], or up to a cell behind where it
+/// reaches `enough`; and evaluations of the field.
+///
+/// The integral alone needs one evaluation a cell, with the field's mixed derivatives there:
+/// along a chord u through the middle m of a cell the even part of the cubic is
+///
+/// ```text
+/// f(m) + s^2 (u_x u_y f_xy + u_x u_z f_xz + u_y u_z f_yz)(m)      s in [-1/2, 1/2]
+/// ```
+///
+/// and the mean of s^2 is 1/12.
+#[inline]
+pub fn integral(
+    grid: &Grid,
+    majorants: &MajorantGrid,
+    ray: &ExactRay,
+    [t0, t1]: [f32; 2],
+    enough: f64,
+) -> (f64, u64) {
+    let mut depth = Depth {
+        line: Line::new(ray),
+        integral: 0.0,
+        enough,
+        lookups: 0,
+    };
+    cross(grid, majorants, ray, [t0, t1], &mut depth);
+    (depth.integral, depth.lookups)
+}
+
+/// What is done with the field along a ray; false ends the walk.
+trait Crossed {
+    /// The ray as it was taken in.
+    fn line(&self) -> &Line;
+    /// A stretch of one value that is not 0.
+    fn constant(&mut self, from: f64, to: f64, value: f32) -> bool;
+    /// A cell by its corners.
+    fn cell(&mut self, cell: &Crossing, corners: &Corners) -> bool;
+}
+
+/// Shows the field along a ray to `crossed`.
+#[inline(always)]
+fn cross(
+    grid: &Grid,
+    majorants: &MajorantGrid,
+    ray: &ExactRay,
+    [t0, t1]: [f32; 2],
+    crossed: &mut impl Crossed,
+) {
+    let line = *crossed.line();
     for segment in majorants.segments(&ray.rounded(), t0, t1) {
         if segment.majorant == 0.0 && segment.minorant == 0.0 || segment.t_max <= segment.t_min {
             continue;
         }
+        let [from, to] = [segment.t_min, segment.t_max].map(f64::from);
         if segment.majorant == segment.minorant {
-            let (t_min, t_max) = (segment.t_min, segment.t_max);
-            if !visit(Piece::constant(t_min, t_max, segment.majorant)) {
-                return lookups;
+            if !crossed.constant(from, to, segment.majorant) {
+                return;
             }
             continue;
         }
-        let mut cells = Cells::new(&line, segment.t_min.into(), segment.t_max.into());
+        let mut cells = Cells::new(&line, from, to);
         let mut next = cells.next();
         while let Some(first) = next {
             let place = grid.place(first.cell);
@@ -97,44 +153,106 @@ pub fn walk(
                     next = cells.next();
                 }
                 let value = grid.values.at(place.start());
-                let piece = Piece {
-                    t_min: first.from as f32,
-                    t_max: to as f32,
-                    density: [value; 3],
-                    integral: f64::from(value) * (to - first.from),
-                };
-                if value != 0.0 && piece.t_min < piece.t_max && !visit(piece) {
-                    return lookups;
+                if value != 0.0 && !crossed.constant(first.from, to, value) {
+                    return;
                 }
                 continue;
             }
-            // The field is continuous: a cell begins with the value that the last one ended with.
-            let mut last = None;
             while let Some(cell) = next.filter(|cell| cell.shares_brick(&first)) {
                 let spot = place.spot(cell.cell, grid.constants);
                 let corners = grid.values.corners(spot);
-                let at = |t: f64| corners.at_exactly(line.inside(cell.low, t));
-                let begin = last.unwrap_or_else(|| at(cell.from));
-                let end = at(cell.to);
-                let middle = at(0.5 * (cell.from + cell.to));
-                let mut piece = Piece::cubic(cell.from, cell.to, [begin, middle, end]);
-                piece.integral += sliver;
-                last = Some(end);
-                lookups += 2;
                 next = cells.next();
-                if piece.t_min >= piece.t_max {
-                    // Ends that f32 does not tell apart: where a segment begins, mostly.
-                    sliver = piece.integral;
-                    continue;
-                }
-                sliver = 0.0;
-                if piece.integral != 0.0 && !visit(piece) {
-                    return lookups;
+                if !crossed.cell(&cell, &corners) {
+                    return;
                 }
             }
         }
     }
-    lookups
+}
+
+/// Makes pieces.
+struct Pieces<V> {
+    line: Line,
+    visit: V,
+    /// Where the last cell ended, and the value there: the field is continuous, so the next one
+    /// begins with it.
+    last: (f64, f64),
+    /// Integral over cells too short for a piece; the next one has it.
+    sliver: f64,
+    lookups: u64,
+}
+
+impl<V: FnMut(Piece) -> bool> Crossed for Pieces<V> {
+    #[inline(always)]
+    fn line(&self) -> &Line {
+        &self.line
+    }
+
+    #[inline(always)]
+    fn constant(&mut self, from: f64, to: f64, value: f32) -> bool {
+        let piece = Piece {
+            t_min: from as f32,
+            t_max: to as f32,
+            density: [value; 3],
+            integral: f64::from(value) * (to - from),
+        };
+        piece.t_min >= piece.t_max || (self.visit)(piece)
+    }
+
+    #[inline(always)]
+    fn cell(&mut self, cell: &Crossing, corners: &Corners) -> bool {
+        let at = |t: f64| corners.at_exactly(self.line.inside(cell.low, t));
+        let (from, value) = self.last;
+        let begin = if from == cell.from {
+            value
+        } else {
+            at(cell.from)
+        };
+        let end = at(cell.to);
+        let middle = at(0.5 * (cell.from + cell.to));
+        let mut piece = Piece::cubic(cell.from, cell.to, [begin, middle, end]);
+        piece.integral += self.sliver;
+        self.last = (cell.to, end);
+        self.lookups += 2;
+        if piece.t_min >= piece.t_max {
+            // Ends that f32 does not tell apart: where a segment begins, mostly.
+            self.sliver = piece.integral;
+            return true;
+        }
+        self.sliver = 0.0;
+        piece.integral == 0.0 || (self.visit)(piece)
+    }
+}
+
+/// Adds up.
+struct Depth {
+    line: Line,
+    integral: f64,
+    enough: f64,
+    lookups: u64,
+}
+
+impl Crossed for Depth {
+    #[inline(always)]
+    fn line(&self) -> &Line {
+        &self.line
+    }
+
+    #[inline(always)]
+    fn constant(&mut self, from: f64, to: f64, value: f32) -> bool {
+        self.integral += f64::from(value) * (to - from);
+        self.integral < self.enough
+    }
+
+    #[inline(always)]
+    fn cell(&mut self, cell: &Crossing, corners: &Corners) -> bool {
+        let length = cell.to - cell.from;
+        let middle = self.line.inside(cell.low, 0.5 * (cell.from + cell.to));
+        let chord = self.line.direction * f64x4::splat(length);
+        self.integral += length * corners.mean_along(middle, chord);
+        self.lookups += 1;
+        self.integral < self.enough
+    }
 }
 
 /// Integral of a cubic over a length, by its values at begin, middle and end.
@@ -144,6 +262,7 @@ fn simpson(length: f64, [begin, middle, end]: [f64; 3]) -> f64 {
 }
 
 /// A ray in f64, its three axes side by side.
+#[derive(Clone, Copy)]
 struct Line {
     origin: f64x4,
     direction: f64x4,

@@ -14,7 +14,7 @@ use super::{Camera, Convert, Light, Optics, Phase, Scene, Settings, Volume};
 use crate::grid::Grid;
 use crate::grid::load::{LoadError, Taking, load_grid};
 use crate::grid::majorant::MajorantGrid;
-use crate::grid::walk::walk;
+use crate::grid::walk::integral;
 use crate::ray::ExactRay;
 use crate::vdb::{Archive, MetaValue};
 
@@ -191,11 +191,13 @@ fn extinction(grid: &Grid, camera: &Camera) -> f64 {
                 origin: to_local.transform_point3(camera.position),
                 direction: to_local.transform_vector3(direction),
             };
-            let mut depth = 0.0;
-            walk(grid, &majorants, &local, 0.0, f32::INFINITY, |piece| {
-                depth += piece.integral;
-                true
-            });
+            let (depth, _) = integral(
+                grid,
+                &majorants,
+                &local,
+                [0.0, f32::INFINITY],
+                f64::INFINITY,
+            );
             if depth > 0.0 {
                 depths.push(depth);
             }

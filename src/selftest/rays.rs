@@ -18,7 +18,7 @@ use super::fields::{direction, generated, ray_through, rng, trilinear, unit};
 use super::{SelftestError, Suite, Worst};
 use crate::grid::Grid;
 use crate::grid::majorant::{MajorantGrid, MajorantSegment};
-use crate::grid::walk::{Piece, walk};
+use crate::grid::walk::{Piece, integral, walk};
 use crate::ray::Ray;
 use crate::rng::Rng;
 
@@ -193,8 +193,8 @@ impl Way<'_> {
         }
     }
 
-    /// Pieces come in order, without overlap, in one cell each unless constant, and where there is
-    /// none the field is 0.
+    /// Pieces come in order, without overlap, in one cell each unless constant, where there is
+    /// none the field is 0, and their sum is the integral.
     fn check_pieces(&self, random: &mut Rng, found: &mut Found) {
         let (grid, ray) = (self.grid, &self.ray);
         let context = || self.tell();
@@ -210,10 +210,24 @@ impl Way<'_> {
                 true
             },
         );
+        let (whole, _) = integral(
+            grid,
+            self.majorants,
+            &ray.into(),
+            [self.t0, self.t1],
+            f64::INFINITY,
+        );
         let Some((enter, exit)) = grid.support().clip(ray, self.t0, self.t1) else {
-            found.fault(!pieces.is_empty(), "outside", &context);
+            let any = !pieces.is_empty() || whole != 0.0;
+            found.fault(any, "outside", &context);
             return;
         };
+        // Pieces too short for f32 are left out of their sum where none follows.
+        let sum: f64 = pieces.iter().map(|piece| piece.integral).sum();
+        let most = f64::from(grid.range()[1]);
+        let ends = delta(ray, exit.into()) / f64::from(ray.direction.length());
+        let slack = 1e-12 * sum + most * ends;
+        found.off((whole - sum).abs(), slack, &context);
         let mut end = enter;
         for piece in &pieces {
             found.fault(piece.t_min >= piece.t_max, "empty", &context);
