@@ -14,7 +14,7 @@ use super::{Heading, Photon, Photons, TraceSettings};
 use crate::ray::Ray;
 use crate::spectrum::Spectrum;
 use crate::surface::{Hit, Inside, SampleKind, Transport};
-use crate::tracking::{Collision, Hero, Sampler, sample_free_flight};
+use crate::tracking::{Collision, Hero, Sampler, draw_distance, fly, sample_free_flight};
 use crate::world::{World, passes};
 
 /// Straight pieces of a photon's way in a row that scatter nothing, boundaries passed one by one:
@@ -50,13 +50,18 @@ impl<S: Spectrum> Flight<'_, S> {
         let (mut pieces, mut order) = (0, self.order);
         while pieces < MAX_PIECES {
             sampler.counters.effects.surface_rays += u64::from(world.surfaces.is_some());
-            let hit = world
-                .surfaces
-                .as_ref()
-                .and_then(|s| s.intersect(self.ray.origin, self.ray.direction, f32::INFINITY));
-            let t_max = hit.as_ref().map_or(f32::INFINITY, |hit| hit.t);
             let (first, media) = world.media_for(&self.inside);
-            let collision = sample_free_flight(media, &self.ray, t_max, &mut self.hero, sampler);
+            // In marble most flights end long before the surface, which need not be looked for.
+            let drawn = draw_distance(media, &self.hero, sampler);
+            let hit = world.surfaces.as_ref().and_then(|s| {
+                let reach = drawn.unwrap_or(f32::INFINITY);
+                s.intersect(self.ray.origin, self.ray.direction, reach)
+            });
+            let t_max = hit.as_ref().map_or(f32::INFINITY, |hit| hit.t);
+            let collision = match drawn {
+                Some(distance) => fly(media, distance, t_max, &mut self.hero, sampler),
+                None => sample_free_flight(media, &self.ray, t_max, &mut self.hero, sampler),
+            };
             if self.order > 0 || keep_first {
                 self.deposit(settings.rate, collision.map_or(t_max, |c| c.t), out);
             }

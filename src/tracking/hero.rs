@@ -9,6 +9,7 @@
 //! every channel's path density to the hero's; the balance heuristic over the channels
 //! (single-sample, Miller et al. 2019) then bounds every weight by the number of channels.
 
+use super::Sampler;
 use super::dense::Cell;
 use crate::rng::Rng;
 use crate::spectrum::Spectrum;
@@ -74,6 +75,25 @@ impl<S: Spectrum> Hero<S> {
             S::ONE
         } else {
             ratio * (1.0 / ratio.mean())
+        }
+    }
+
+    /// A flight begins.
+    #[inline]
+    pub(super) fn set_out(&mut self, sampler: &mut Sampler) {
+        sampler.counters.free_flights += 1;
+        self.start = self.ratio;
+        self.passed.clear();
+    }
+
+    /// The flight ends at `end`, in a collision with a medium of this coefficient or in none.
+    #[inline]
+    pub(super) fn arrive(&mut self, end: f32, collision: Option<S>) {
+        if S::CHANNELS > 1 {
+            self.ratio = self.ratio_at(end);
+            if let Some(sigma_t) = collision {
+                self.ratio *= self.over_own(sigma_t);
+            }
         }
     }
 

@@ -58,9 +58,7 @@ pub fn sample_free_flight<S: Spectrum>(
     hero: &mut Hero<S>,
     sampler: &mut Sampler,
 ) -> Option<Collision> {
-    sampler.counters.free_flights += 1;
-    hero.start = hero.ratio;
-    hero.passed.clear();
+    hero.set_out(sampler);
     let mut end = t_max;
     let mut first = None;
     for (index, medium) in media.iter().enumerate() {
@@ -69,13 +67,60 @@ pub fn sample_free_flight<S: Spectrum>(
             first = Some(Collision { t, medium: index });
         }
     }
-    if S::CHANNELS > 1 {
-        hero.ratio = hero.ratio_at(end);
-        if let Some(collision) = first {
-            hero.ratio *= hero.over_own(media[collision.medium].sigma_t);
-        }
-    }
+    hero.arrive(end, first.map(|c| media[c.medium].sigma_t));
     first
+}
+
+/// The distance to the next collision where it can be drawn before anyone knows where the ray ends:
+/// in one homogeneous medium without a box. Whoever draws it need look for surfaces only that far,
+/// and goes on with [`fly`]; the draw is that of [`sample_free_flight`]. \[m\]
+#[inline]
+pub fn draw_distance<S: Spectrum>(
+    media: &[Medium<S>],
+    hero: &Hero<S>,
+    sampler: &mut Sampler,
+) -> Option<f32> {
+    let [medium] = media else {
+        return None;
+    };
+    let sigma = medium.sigma_t.channel(hero.channel);
+    if sigma > 0.0 && matches!(medium.field, Field::Constant { bounds: None }) {
+        Some(sampler.rng.exponential() / sigma)
+    } else {
+        None
+    }
+}
+
+/// The flight over a drawn distance; no collision where the ray ends before.
+#[inline]
+pub fn fly<S: Spectrum>(
+    media: &[Medium<S>],
+    distance: f32,
+    t_max: f32,
+    hero: &mut Hero<S>,
+    sampler: &mut Sampler,
+) -> Option<Collision> {
+    hero.set_out(sampler);
+    let sigma_t = media[0].sigma_t;
+    let t = constant_flight(sigma_t, distance, (0.0, t_max), hero);
+    hero.arrive(t.unwrap_or(t_max), t.map(|_| sigma_t));
+    t.map(|t| Collision { t, medium: 0 })
+}
+
+/// The collision after a drawn distance in a stretch of a homogeneous medium.
+#[inline]
+fn constant_flight<S: Spectrum>(
+    sigma_t: S,
+    distance: f32,
+    (t0, t1): (f32, f32),
+    hero: &mut Hero<S>,
+) -> Option<f32> {
+    let t = t0 + distance;
+    if coloured(sigma_t) {
+        let t1 = t.min(t1);
+        hero.passed.push(Passed::Stretch { t0, t1, sigma_t });
+    }
+    (t < t1).then_some(t)
 }
 
 /// The first collision with one medium.
@@ -91,15 +136,8 @@ fn flight_in<S: Spectrum>(
         Field::Constant { bounds } => {
             let (t0, t1) = bounds.map_or(Some((0.0, t_max)), |b| b.clip(ray, 0.0, t_max))?;
             let sigma = medium.sigma_t.channel(hero.channel);
-            let t = t0 + sampler.rng.exponential() / sigma;
-            if coloured(medium.sigma_t) {
-                hero.passed.push(Passed::Stretch {
-                    t0,
-                    t1: t.min(t1),
-                    sigma_t: medium.sigma_t,
-                });
-            }
-            (t < t1).then_some(t)
+            let distance = sampler.rng.exponential() / sigma;
+            constant_flight(medium.sigma_t, distance, (t0, t1), hero)
         }
         Field::Grid(field) => grid_flight(medium.sigma_t, field, ray, t_max, hero, sampler),
         Field::Plateau(field) => plateau_flight(medium.sigma_t, field, ray, t_max, hero, sampler),
@@ -303,4 +341,51 @@ fn ratio_tracking<S: Spectrum>(
         }
     }
     tr * sigma_t.map(|k| (-k * control).exp())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::phase::PhaseFunction;
+    use crate::rng::{Rng, Stage};
+
+    /// A distance that is drawn before the end of the ray is known makes the same flight: grey and
+    /// coloured, short of the end and beyond it, with the same weights all along.
+    #[test]
+    fn a_distance_drawn_ahead_is_the_same_flight() {
+        for sigma_t in [Vec3::splat(2.0), Vec3::new(3.0, 1.0, 0.5)] {
+            let media = [Medium {
+                sigma_t,
+                albedo: Vec3::ONE,
+                phase: PhaseFunction::Isotropic,
+                field: Field::Constant { bounds: None },
+                emission: None,
+            }];
+            let ray = Ray {
+                origin: Vec3::ZERO,
+                direction: Vec3::Z,
+            };
+            let mut collisions = 0;
+            for i in 0..1000 {
+                let mut sampler = Sampler::new(Rng::stream(11, Stage::Check, 0, i));
+                let mut hero = Hero::choose(&mut sampler.rng);
+                let (mut ahead, mut same) = (sampler.clone(), hero.clone());
+                // Two flights, as weights go on from one to the next.
+                for t_max in [0.3, 0.6] {
+                    let usual = sample_free_flight(&media, &ray, t_max, &mut hero, &mut sampler);
+                    let distance = draw_distance(&media, &same, &mut ahead).expect("closed form");
+                    let other = fly(&media, distance, t_max, &mut same, &mut ahead);
+                    assert_eq!(usual, other, "flight {i}");
+                    let end = usual.map_or(t_max, |c| c.t);
+                    for t in [0.5 * end, end] {
+                        assert_eq!(hero.weight_at(t), same.weight_at(t), "weight at {t}");
+                    }
+                    assert_eq!(hero.weight(), same.weight(), "weight of flight {i}");
+                    collisions += u32::from(usual.is_some());
+                }
+                assert_eq!(sampler.uniform(), ahead.uniform(), "streams go on alike");
+            }
+            assert!((200..1800).contains(&collisions), "{collisions} collisions");
+        }
+    }
 }
