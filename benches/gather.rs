@@ -126,7 +126,12 @@ fn photons<S: Spectrum, H: Heading>(world: &World<S>, wanted: usize) -> Vec<Phot
         )
     };
     let few = trace(&rate, 2000, 0);
-    rate.settle((few.first.len() + few.higher.len()) as f64 / 2000.0);
+    let per_path = |count: usize| count as f64 / 2000.0;
+    let flights = few.counters.free_flights as usize;
+    rate.settle(
+        per_path(few.first.len() + few.higher.len()),
+        per_path(flights),
+    );
     let mut all = Vec::new();
     let mut pass = 1;
     while all.len() < wanted {

@@ -241,14 +241,16 @@ impl<S: Spectrum> World<S> {
         }
         let open = media.len();
         // What scatters nothing needs no photons around it.
-        let part = |medium: &Medium<S>, bounds| {
-            let mut part = Part::new(medium, bounds);
+        let useful = |mut part: Part, medium: &Medium<S>| {
             if medium.albedo.is_zero() && !general.grids {
                 part.reach = 0.0;
             }
             part
         };
-        let mut parts: Vec<Part> = media.iter().map(|m| part(m, bounds)).collect();
+        let mut parts: Vec<Part> = media
+            .iter()
+            .map(|m| useful(Part::new(m, bounds), m))
+            .collect();
         let interiors = (0..scene.objects.len() as u32)
             .map(|object| {
                 let surfaces = surfaces.as_ref().filter(|s| s.encloses(object))?;
@@ -267,7 +269,11 @@ impl<S: Spectrum> World<S> {
                     field: homogeneous(optics, around, None, general),
                     emission: None,
                 });
-                parts.extend(media.last().map(|m| part(m, Bounds { min, max })));
+                let filled = surfaces.filled(object);
+                parts.extend(media.last().map(|m| {
+                    let part = Part::inside(m, Bounds { min, max }, filled);
+                    useful(part, m)
+                }));
                 Some(media.len() - 1)
             })
             .collect();

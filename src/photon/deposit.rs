@@ -47,14 +47,28 @@ const FIRST_SCALE: f32 = 8.0;
 /// Largest scale: deposits of a straight way through a medium's extent.
 const MAX_SCALE: f32 = 256.0;
 
-/// Deposits wanted of a path. More: photons that tell the same twice; fewer: paths traced in vain.
+/// Deposits wanted of a path of up to `SHORT_PATH` flights. More: photons that tell the same twice;
+/// fewer: paths traced in vain.
 const DEPOSITS_PER_PATH: f64 = 2.0;
 
+/// Flights of a path above which more deposits are wanted. Lower: maps that cost more than tracing;
+/// higher: paths traced in vain.
+const SHORT_PATH: f64 = 6.0;
+
+/// Radius of a kernel inside an object, at most, in mean free paths. More: photons beside the
+/// object that few kernels need; fewer: noise in the shade.
+const MOST_PATHS: f32 = 8.0;
+
+/// The same at least, a share of the object's half diagonal.
+const LEAST_REACH: f32 = 0.03;
+
 /// A medium's part of the world.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Part {
     /// Box around the medium.
     pub bounds: Bounds,
+    /// Boxes that hold all of it, where it does not fill its own.
+    pub filled: Vec<Bounds>,
     /// Largest radius of a kernel in it; 0 where it scatters nothing, and nothing is gathered. \[m\]
     pub reach: f32,
 }
@@ -69,8 +83,24 @@ impl Part {
         let voxel = medium.voxel_size().unwrap_or(f32::INFINITY);
         Self {
             bounds,
+            filled: Vec::new(),
             reach: (0.1 * bounds.radius()).min(8.0 * voxel),
         }
+    }
+
+    /// The part of what fills an object, given boxes that hold all of it.
+    ///
+    /// Photons are of use within a kernel's reach of the object alone, and nothing is seen of what
+    /// lies many mean free paths inside: kernels are no wider than `MOST_PATHS` of them, but for
+    /// the darkest places of a medium so dense that kernels would be empty.
+    pub fn inside<S: Spectrum>(medium: &Medium<S>, bounds: Bounds, filled: Vec<Bounds>) -> Self {
+        let mut part = Self::new(medium, bounds);
+        let path = 1.0 / medium.sigma_t.max_channel();
+        part.reach = part
+            .reach
+            .min((MOST_PATHS * path).max(LEAST_REACH * bounds.radius()));
+        part.filled = filled;
+        part
     }
 
     /// The box that kernels over the part's media reach.
@@ -136,6 +166,11 @@ impl DepositRate {
             // A medium smaller than a cell must not fill the cell with deposits.
             let per_extent = 1.0 / (2.0 * part.bounds.radius()).max(edge);
             match &medium.field {
+                Field::Constant { .. } if !part.filled.is_empty() => {
+                    for filled in &part.filled {
+                        this.raise(filled, part.reach, per_extent);
+                    }
+                }
                 Field::Constant { .. } | Field::Plateau(_) => {
                     this.raise(&part.bounds, part.reach, per_extent);
                 }
@@ -193,10 +228,15 @@ impl DepositRate {
         (c.x as usize * self.dims.y as usize + c.y as usize) * self.dims.z as usize + c.z as usize
     }
 
-    /// Sets the scale, given how many deposits a path left on average so far.
-    pub fn settle(&mut self, per_path: f64) {
+    /// Sets the scale, given how many deposits a path left on average so far, and how many flights
+    /// it had.
+    ///
+    /// Of N paths with n deposits each the variance is (a + b / n) / N, the time N (F t + n s) for F
+    /// flights: their product is least at n ~ sqrt F.
+    pub fn settle(&mut self, per_path: f64, flights: f64) {
         if per_path > 0.0 {
-            let scale = f64::from(self.scale) * DEPOSITS_PER_PATH / per_path;
+            let wanted = DEPOSITS_PER_PATH * (flights / SHORT_PATH).max(1.0).sqrt();
+            let scale = f64::from(self.scale) * wanted / per_path;
             self.scale = (scale as f32).min(MAX_SCALE);
         }
     }
@@ -375,6 +415,28 @@ mod tests {
         }
     }
 
+    /// Twice the deposits that are wanted halve the scale; four times as many flights as a short path
+    /// has double it.
+    #[test]
+    fn scales_settle_by_deposits_and_flights() {
+        for (per_path, flights, share) in [
+            (2.0, 1.0, 1.0),
+            (2.0, SHORT_PATH, 1.0),
+            (4.0, SHORT_PATH, 0.5),
+            (2.0, 4.0 * SHORT_PATH, 2.0),
+            (0.0, 1.0, 1.0),
+        ] {
+            let mut rates = rates();
+            rates.settle(per_path, flights);
+            let expected = FIRST_SCALE * share;
+            assert!(
+                (rates.scale / expected - 1.0).abs() < 1e-6,
+                "{per_path} deposits, {flights} flights: {}",
+                rates.scale
+            );
+        }
+    }
+
     /// A bead in a wide fog: the cell around it is not filled with deposits at the bead's scale.
     #[test]
     fn a_medium_far_smaller_than_a_cell_leaves_few_deposits() {
@@ -384,7 +446,7 @@ mod tests {
         ];
         let parts = media.each_ref().map(|m| Part::new(m, Bounds::EMPTY));
         let mut rates = DepositRate::new(&media, &parts);
-        rates.settle(1e-9);
+        rates.settle(1e-9, 1.0);
         let ray = Ray {
             origin: Vec3::splat(-2e6),
             direction: Vec3::ONE.normalize(),

@@ -55,7 +55,11 @@ pub(super) fn radii<S: Spectrum, H: Heading>(job: &Job<'_, S>, tally: &mut Tally
     let few = trace_photons::<S, H>(job.world, &trace);
     let deposits = few.first.len() + few.higher.len();
     let mut rate = rate.clone();
-    rate.settle(deposits as f64 / trace.emit as f64);
+    let per_path = |count: u64| count as f64 / trace.emit as f64;
+    rate.settle(
+        per_path(deposits as u64),
+        per_path(few.counters.free_flights),
+    );
     trace.rate = &rate;
     trace.emit = pilots(settings.photons, settings.neighbours);
     let Photons {

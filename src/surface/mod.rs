@@ -32,6 +32,7 @@ mod hit;
 mod interior;
 mod mesh;
 mod shape;
+mod solid;
 mod texture;
 mod triangle;
 

@@ -11,6 +11,7 @@ mod geometry;
 mod interiors;
 mod loading;
 mod scattering;
+mod solid;
 
 /// A uniform in [0, 1) with 24 bits.
 fn uniform(rng: &mut Xoshiro256PlusPlus) -> f32 {
