@@ -49,7 +49,7 @@ impl TileGrid {
 
     /// The pixels of a sphere, in rows and columns of the grid: first and last of each; none
     /// where no ray of the grid can meet it.
-    fn footprint(
+    pub(crate) fn footprint(
         &self,
         camera: &Camera,
         frame: &[Vec3; 3],

@@ -38,6 +38,9 @@ const POINTS: u32 = 8;
 /// was drawn from the right power.
 const FLAT: f32 = 0.1;
 
+/// Share of a mean block's power below which a block is not worth a second look.
+const DIM: f32 = 0.1;
+
 /// Candidates for the place of a photon, M. Fewer: blots where a heavy photon falls; more: look-ups.
 const CANDIDATES: u32 = 8;
 
@@ -77,13 +80,15 @@ impl<S: Spectrum> Glow<S> {
     #[must_use]
     pub(crate) fn new(media: &[Medium<S>], index: usize) -> Option<Self> {
         let medium = &media[index];
-        let (Field::Grid(field), Some(_)) = (&medium.field, &medium.emission) else {
-            return None;
+        medium.emission.as_ref()?;
+        let (support, placement) = match &medium.field {
+            Field::Grid(field) => (field.grid.support(), &field.placement),
+            Field::Plateau(field) => (field.plateau.support(), &field.placement),
+            Field::Constant { .. } => return None,
         };
-        let support = field.grid.support();
         let size = (support.max - support.min) / BLOCK;
         let count = size.to_array().map(|n| (n.ceil() as usize).max(1));
-        let local_to_world = field.placement.to_world();
+        let local_to_world = placement.to_world();
         let volume = local_to_world.matrix3.determinant().abs() * BLOCK.powi(3);
         let mut glow = Self {
             medium: index,
@@ -130,6 +135,21 @@ impl<S: Spectrum> Glow<S> {
         let corner = [block % nx, block / nx % ny, block / (nx * ny)].map(|i| i as f32);
         let local = self.low + (Vec3::from(corner) + Vec3::from(u)) * BLOCK;
         self.local_to_world.transform_point3(local)
+    }
+
+    /// Middle and half diagonal of the spheres around the blocks with more than `DIM` of the power of
+    /// the mean block. \[m\]
+    pub(crate) fn bright_blocks(&self) -> impl Iterator<Item = (Vec3, f32)> + '_ {
+        let mean = 1.0 / self.share.len() as f32;
+        let least = ((1.0 - FLAT) * DIM + FLAT) * mean;
+        let axes = self.local_to_world.matrix3;
+        let [x, y, z] = [axes.x_axis, axes.y_axis, axes.z_axis].map(Vec3::from);
+        let corners = [x + y + z, x + y - z, x - y + z, y + z - x];
+        let longest = corners.iter().map(|c| c.length()).fold(0.0, f32::max);
+        let shares = self.share.iter().enumerate();
+        shares
+            .filter(move |(_, share)| **share > least)
+            .map(move |(block, _)| (self.place(block, [0.5; 3]), 0.5 * BLOCK * longest))
     }
 
     /// A photon from a point of the medium; see [`Light::emit`](super::Light::emit).

@@ -1,6 +1,7 @@
 //! Camera rays: what each sees but for the photons along it.
 
 use super::Job;
+use super::bright::STRATA;
 use crate::estimate::emission;
 use crate::film::Sample;
 use crate::march::Profile;
@@ -63,25 +64,15 @@ pub(super) fn camera_ray<S: Spectrum>(
     counts.surface_rays += u64::from(world.surfaces.is_some());
     counts.lens_points += u64::from(lens.is_some());
     let [jx, jy] = sampler.uniform2();
-    let lens = lens.map_or([0.0; 2], |rng| [rng.uniform(), rng.uniform()]);
+    let mut lens = lens;
+    let mut aperture = || {
+        let drawn = lens.as_mut().map(|rng| [rng.uniform(), rng.uniform()]);
+        drawn.unwrap_or([0.0; 2])
+    };
     *ray = world
         .camera
-        .ray([pixel[0] as f32 + jx, pixel[1] as f32 + jy], lens);
-    let hit = world
-        .surfaces
-        .as_ref()
-        .and_then(|s| s.intersect(ray.origin, ray.direction, f32::INFINITY));
-    let t_hit = hit.as_ref().map_or(f32::INFINITY, |hit| hit.t);
-    let light = world.seen_light(ray, t_hit);
-    let hit = if light.is_some() { None } else { hit };
-    let t_max = light.map_or(t_hit, |(t, _)| t);
-    profile.march(
-        world.media_for(&world.camera_inside),
-        ray,
-        t_max,
-        job.scene.settings.march,
-        &mut sampler.counters,
-    );
+        .ray([pixel[0] as f32 + jx, pixel[1] as f32 + jy], aperture());
+    let First { hit, light, t_max } = first_stretch(job, (ray, profile), sampler);
     let behind = match (&hit, light) {
         (Some(_), _) => S::ZERO,
         (None, Some((_, l))) => l,
@@ -89,7 +80,11 @@ pub(super) fn camera_ray<S: Spectrum>(
     };
     let mut l = profile.transmittance * behind;
     if job.plan.emission {
-        l += emission::radiance(world, ray, profile, &mut sampler.counters);
+        l += if job.bright.holds(pixel) {
+            emitted(job, pixel, aperture, sampler)
+        } else {
+            emission::radiance(world, ray, profile, &mut sampler.counters)
+        };
     }
     sum.sample.emission += l.to_rgb();
     if job.plan.direct {
@@ -119,4 +114,63 @@ pub(super) fn camera_ray<S: Spectrum>(
         sum.met += 1;
     }
     hit
+}
+
+/// What ends the first stretch of a camera ray.
+struct First<S> {
+    hit: Option<Hit>,
+    /// A light that is seen, in place of a surface: distance \[m\] and radiance.
+    light: Option<(f32, S)>,
+    /// \[m\]
+    t_max: f32,
+}
+
+/// Marches a camera ray up to its first surface or light.
+fn first_stretch<S: Spectrum>(
+    job: &Job<'_, S>,
+    (ray, profile): (&Ray, &mut Profile<S>),
+    sampler: &mut Sampler,
+) -> First<S> {
+    let world = job.world;
+    let hit = world
+        .surfaces
+        .as_ref()
+        .and_then(|s| s.intersect(ray.origin, ray.direction, f32::INFINITY));
+    let t_hit = hit.as_ref().map_or(f32::INFINITY, |hit| hit.t);
+    let light = world.seen_light(ray, t_hit);
+    let t_max = light.map_or(t_hit, |(t, _)| t);
+    profile.march(
+        world.media_for(&world.camera_inside),
+        ray,
+        t_max,
+        job.scene.settings.march,
+        &mut sampler.counters,
+    );
+    First {
+        hit: hit.filter(|_| light.is_none()),
+        light,
+        t_max,
+    }
+}
+
+/// What the media emit toward a pixel, up to the first surface: `bright`.
+fn emitted<S: Spectrum>(
+    job: &Job<'_, S>,
+    pixel: [u32; 2],
+    mut aperture: impl FnMut() -> [f32; 2],
+    sampler: &mut Sampler,
+) -> S {
+    let mut profile = Profile::default();
+    let mut sum = S::ZERO;
+    for i in 0..STRATA * STRATA {
+        let cell = [i % STRATA, i / STRATA];
+        let jitter = sampler.uniform2();
+        let point = [0, 1].map(|axis| {
+            pixel[axis] as f32 + (cell[axis] as f32 + jitter[axis]) * (1.0 / STRATA as f32)
+        });
+        let ray = job.world.camera.ray(point, aperture());
+        first_stretch(job, (&ray, &mut profile), sampler);
+        sum += emission::radiance(job.world, &ray, &profile, &mut sampler.counters);
+    }
+    sum * (1.0 / (STRATA * STRATA) as f32)
 }

@@ -6,6 +6,7 @@
 //! through every pixel. The streams of random numbers belong to photons and pixels, and every sum
 //! has one order: the number of threads changes nothing.
 
+mod bright;
 mod camera;
 pub mod checkpoint;
 pub mod error;
@@ -38,6 +39,7 @@ use crate::surface::Surfaces;
 use crate::tracking::Counters;
 use crate::world::{LoadedVolume, World};
 
+use bright::BrightPixels;
 use checkpoint::{Checkpoint, SAVE_EVERY};
 
 pub use forecast::Forecast;
@@ -367,6 +369,7 @@ struct Job<'a, S> {
     /// Pixels that are rendered.
     grid: TileGrid,
     lights: &'a DirectLights,
+    bright: &'a BrightPixels,
 }
 
 /// Builds the world of a scene, and does something in it.
@@ -390,6 +393,7 @@ fn in_world<S: Spectrum, T>(
     let rays = u64::from(width) * u64::from(height) * u64::from(settings.spp);
     let lights = DirectLights::new(&world, plan.photons.then_some(settings.photons), rays);
     let [x0, y0, x1, y1] = scene.settings.crop.unwrap_or([0, 0, width, height]);
+    let bright = BrightPixels::new(&world, [width, height]);
     Ok(then(&Job {
         scene,
         world: &world,
@@ -400,6 +404,7 @@ fn in_world<S: Spectrum, T>(
             high: [x1, y1],
         },
         lights: &lights,
+        bright: &bright,
     }))
 }
 

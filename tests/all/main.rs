@@ -8,6 +8,7 @@ mod effects;
 mod fields;
 mod film_image;
 mod furnace;
+mod glow;
 mod grid;
 mod grid_values;
 mod lights;

@@ -4,4 +4,4 @@ mod agreement;
 mod forecast;
 mod keys;
 mod plateau;
-mod scenes;
+pub(crate) mod scenes;
