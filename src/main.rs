@@ -4,6 +4,7 @@ mod cli;
 mod engine;
 mod run;
 mod run_study;
+mod run_tools;
 
 use std::process::ExitCode;
 
