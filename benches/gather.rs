@@ -151,7 +151,7 @@ fn photons<S: Spectrum, H: Heading>(world: &World<S>, wanted: usize) -> Vec<Phot
     let ratio = wanted as f32 / 60_000.0;
     let radii = RadiusField::new(pilots, 50.0, ratio, [0.0, f32::MAX]);
     for photon in &mut all {
-        photon.radius = radii.at(photon.position).min(rate.reach(photon.position));
+        photon.set_radius(radii.at(photon.position).min(rate.reach(photon.position)));
     }
     all
 }
@@ -228,10 +228,11 @@ fn bench<S: Spectrum, H: Heading>(
     for per_ray in [300.0, 1800.0] {
         let scale = (per_ray / density).sqrt() as f32;
         density = per_ray;
-        all.iter_mut().for_each(|p| p.radius *= scale);
+        all.iter_mut()
+            .for_each(|p| p.set_radius(p.radius() * scale));
         let (bvh_time, map) = timed(1, || PhotonMap::new(all.clone()));
         let (cells_time, cells) = timed(1, || Cells::new(&all));
-        let (bands_time, bands) = timed(1, || Bands::new(&all, &world.camera, &grid));
+        let (bands_time, bands) = timed(1, || Bands::new(all.clone(), &world.camera, &grid));
         let (walk_time, (walk_sum, met)) = timed(ROUNDS, || walk(&map));
         let (cell_time, cell_sum) = timed(ROUNDS, || {
             let sum = each().fold(S::ZERO, |sum, r| {
@@ -255,19 +256,19 @@ fn bench<S: Spectrum, H: Heading>(
                     tile_rays.profiles[i].clone_from(&r.profile);
                 }
                 // A band's lists serve all of its tiles.
-                let lists = bands.tiles(*band, &grid);
+                let lists = bands.tiles(*band);
                 tile_rays.arrange(&[true; TILE_RAYS]);
                 let mut sums = [S::ZERO; TILE_RAYS];
                 let camera = (world.camera.position, 0);
                 let list = lists.tile(*column);
-                tile_rays.gather(&world.media, camera, &all, list, &mut sums, &mut counters);
+                tile_rays.gather(&world.media, camera, list, &mut sums, &mut counters);
                 sum + sums.iter().fold(0.0, |s, v| s + v.mean())
             })
         });
         // What sorting a band's photons into its tiles takes is shared by the band's columns.
         let (list_time, ()) = timed(ROUNDS, || {
             for (band, ..) in &tiles {
-                std::hint::black_box(bands.tiles(*band, &grid));
+                std::hint::black_box(bands.tiles(*band));
             }
         });
         let tile_time = tile_time - list_time * (1.0 - 1.0 / columns as f64);
@@ -328,7 +329,7 @@ struct Cells {
 
 impl Cells {
     fn new<S: Spectrum, H: Heading>(photons: &[Photon<S, H>]) -> Self {
-        let radius = |p: &Photon<S, H>| Vec3::splat(p.radius);
+        let radius = |p: &Photon<S, H>| Vec3::splat(p.radius());
         let (low, high) = photons
             .iter()
             .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(a, b), p| {
@@ -416,7 +417,7 @@ impl Cells {
                 let to = photon.position - ray.origin;
                 let nearest = to.dot(ray.direction);
                 let d2 = (to - ray.direction * nearest).length_squared();
-                if nearest >= t && nearest < out && d2 < photon.radius * photon.radius {
+                if nearest >= t && nearest < out && d2 < photon.radius() * photon.radius() {
                     visit(photon, nearest, d2);
                 }
             }

@@ -10,6 +10,7 @@ use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Sub};
 use glam::Vec3;
 
 use crate::math::exp;
+use crate::photon::kept::{Full, Kept, Short};
 use crate::scene::Rgb;
 
 /// One or three channels.
@@ -32,6 +33,8 @@ pub trait Spectrum:
 {
     /// Number of channels.
     const CHANNELS: usize;
+    /// What a photon keeps of its power and radius.
+    type Kept: Kept<Self>;
     /// No light.
     const ZERO: Self;
     /// One in every channel.
@@ -87,6 +90,7 @@ impl<S: Spectrum> Compensated<S> {
 }
 
 impl Spectrum for f32 {
+    type Kept = Short;
     const CHANNELS: usize = 1;
     const ZERO: Self = 0.0;
     const ONE: Self = 1.0;
@@ -121,6 +125,7 @@ impl Spectrum for f32 {
 }
 
 impl Spectrum for Vec3 {
+    type Kept = Full;
     const CHANNELS: usize = 3;
     const ZERO: Self = Self::ZERO;
     const ONE: Self = Self::ONE;

@@ -7,8 +7,14 @@
 //! slopes (x z -+ r sqrt(x^2 + z^2 - r^2)) / (z^2 - r^2). A sphere that reaches the plane of the
 //! camera is put into every tile.
 //!
-//! A photon is listed once, 8 bytes, in the first band that it reaches, and again only beyond every
-//! `SPAN`th: a band looks through the lists of those above it.
+//! Photons are kept in the order of the bands that they reach, and nothing is listed beside them:
+//!
+//! ```text
+//! bucket     (level, first band / 4^level, last - first of these: 0 to 3)      the least level that does
+//! ```
+//!
+//! A band's photons lie in four runs of each level, one for each bucket that they may begin in, and
+//! come into the cache as they lie in memory. Their pixels are found again, rather than kept.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -24,6 +30,13 @@ pub const TILE_RAYS: usize = 64;
 
 /// Photons sorted by one unit of parallel work; 16 bits tell them apart.
 const CHUNK: usize = 1 << 14;
+/// Parts in which photons are sorted; each gives its space back before the next, so that no more
+/// than one is there twice.
+const PARTS: usize = 8;
+/// Buckets that a photon reaches, at most, on its level.
+const SPAN: u32 = 4;
+/// log2 of how many buckets of a level one of the next takes.
+const STEP: u32 = 2;
 
 /// Pixels of a picture that are rendered, in tiles.
 #[derive(Debug, Clone, Copy)]
@@ -89,124 +102,224 @@ impl TileGrid {
     }
 }
 
-/// Bands that one entry of a photon covers, at most. More: bands look through more entries that do
-/// not concern them; fewer: more entries.
-const SPAN: u32 = 4;
-
-/// A photon in some bands, the first of which lists it: its index in the chunk, and the first and
-/// last of its columns of tiles and of its rows of pixels there, from the first band's top on.
-#[derive(Debug, Clone, Copy)]
-struct Entry {
-    photon: u16,
-    columns: [u16; 2],
-    rows: [u8; 2],
+/// Where the buckets of each level begin.
+#[derive(Debug, Clone)]
+struct Layout {
+    /// By level; and the number of all buckets.
+    begin: Vec<u32>,
 }
 
-/// Photons sorted into bands of a picture.
-#[derive(Debug)]
-pub struct Bands {
-    /// By chunk of photons and band, in order.
-    entries: Vec<Vec<Vec<Entry>>>,
-}
-
-impl Bands {
-    /// Sorts photons into the bands of a picture.
-    #[must_use]
-    pub fn new<S: Spectrum, H: Heading>(
-        photons: &[Photon<S, H>],
-        camera: &Camera,
-        grid: &TileGrid,
-    ) -> Self {
-        let frame = camera.frame();
-        let entries = photons
-            .par_chunks(CHUNK)
-            .map(|photons| {
-                let mut bands = vec![Vec::new(); grid.bands() as usize];
-                for (i, photon) in photons.iter().enumerate() {
-                    let Some([[c0, c1], [r0, r1]]) =
-                        grid.footprint(camera, &frame, photon.position, photon.radius)
-                    else {
-                        continue;
-                    };
-                    let columns = [(c0 / TILE) as u16, (c1 / TILE) as u16];
-                    for band in (r0 / TILE..=r1 / TILE).step_by(SPAN as usize) {
-                        let top = band * TILE;
-                        let last = r1.min((band + SPAN) * TILE - 1);
-                        bands[band as usize].push(Entry {
-                            photon: i as u16,
-                            columns,
-                            rows: [r0.max(top) - top, last - top].map(|row| row as u8),
-                        });
-                    }
-                }
-                bands.iter_mut().for_each(Vec::shrink_to_fit);
-                bands
-            })
-            .collect();
-        Self { entries }
+impl Layout {
+    fn new(bands: u32) -> Self {
+        let mut begin = vec![0];
+        let (mut all, mut buckets) = (0, bands);
+        loop {
+            all += buckets * SPAN;
+            begin.push(all);
+            if buckets <= SPAN {
+                return Self { begin };
+            }
+            buckets = buckets.div_ceil(1 << STEP);
+        }
     }
 
-    /// Bytes that the bands take in memory, as allocated.
+    /// The bucket of photons that reach from a band to another.
+    #[inline]
+    fn bucket(&self, [first, last]: [u32; 2]) -> u32 {
+        let (mut level, [mut first, mut last]) = (0, [first, last]);
+        while last - first >= SPAN {
+            level += 1;
+            (first, last) = (first >> STEP, last >> STEP);
+        }
+        self.begin[level] + first * SPAN + last - first
+    }
+
+    /// Number of buckets.
+    fn count(&self) -> usize {
+        self.begin.last().map_or(0, |all| *all as usize)
+    }
+
+    /// Runs of buckets whose photons may reach a band: first, and last exclusive.
+    fn runs(&self, band: u32) -> impl Iterator<Item = [usize; 2]> {
+        let levels = (0u32..).zip(&self.begin[..self.begin.len() - 1]);
+        levels.flat_map(move |(level, begin)| {
+            let place = band >> (STEP * level);
+            (0..SPAN.min(place + 1)).rev().map(move |up| {
+                let bucket = begin + (place - up) * SPAN;
+                [bucket + up, bucket + SPAN].map(|b| b as usize)
+            })
+        })
+    }
+}
+
+/// Some photons in the order of their buckets.
+#[derive(Debug)]
+struct Chunk<S: Spectrum, H> {
+    photons: Vec<Photon<S, H>>,
+    /// Of each bucket, and the end.
+    starts: Vec<u16>,
+}
+
+/// Photons in the order of the bands of a picture that they reach; others are let go.
+#[derive(Debug)]
+pub struct Bands<S: Spectrum, H> {
+    chunks: Vec<Chunk<S, H>>,
+    layout: Layout,
+    view: View,
+}
+
+/// A picture and the camera that takes it.
+#[derive(Debug, Clone)]
+struct View {
+    camera: Camera,
+    frame: [Vec3; 3],
+    grid: TileGrid,
+}
+
+impl View {
+    /// First and last column and row of the pixels of a photon's sphere.
+    #[inline]
+    fn pixels<S: Spectrum, H>(&self, photon: &Photon<S, H>) -> Option<[[u32; 2]; 2]> {
+        let (center, radius) = (photon.position, photon.radius());
+        self.grid
+            .footprint(&self.camera, &self.frame, center, radius)
+    }
+}
+
+/// First and last tile of pixels.
+#[inline]
+fn tiles_of(pixels: [u32; 2]) -> [u32; 2] {
+    pixels.map(|pixel| pixel / TILE)
+}
+
+impl<S: Spectrum, H: Heading> Chunk<S, H> {
+    /// Sorts by counting.
+    fn new(photons: &[Photon<S, H>], view: &View, layout: &Layout) -> Self {
+        let buckets: Vec<Option<u32>> = photons
+            .iter()
+            .map(|photon| {
+                let [_, rows] = view.pixels(photon)?;
+                Some(layout.bucket(tiles_of(rows)))
+            })
+            .collect();
+        let mut starts = vec![0u16; layout.count() + 1];
+        for bucket in buckets.iter().flatten() {
+            starts[*bucket as usize + 1] += 1;
+        }
+        for bucket in 0..layout.count() {
+            starts[bucket + 1] += starts[bucket];
+        }
+        let mut next = starts.clone();
+        let mut order = vec![0u16; usize::from(starts[layout.count()])];
+        for (i, bucket) in buckets.iter().enumerate() {
+            if let Some(bucket) = bucket {
+                let slot = &mut next[*bucket as usize];
+                order[usize::from(*slot)] = i as u16;
+                *slot += 1;
+            }
+        }
+        Self {
+            photons: order.iter().map(|i| photons[usize::from(*i)]).collect(),
+            starts,
+        }
+    }
+}
+
+impl<S: Spectrum, H: Heading> Bands<S, H> {
+    /// Sorts photons into the bands of a picture.
+    #[must_use]
+    pub fn new(mut photons: Vec<Photon<S, H>>, camera: &Camera, grid: &TileGrid) -> Self {
+        let layout = Layout::new(grid.bands());
+        let view = View {
+            camera: camera.clone(),
+            frame: camera.frame(),
+            grid: *grid,
+        };
+        let mut chunks = Vec::with_capacity(photons.len().div_ceil(CHUNK));
+        let part = photons.len().div_ceil(PARTS).next_multiple_of(CHUNK);
+        while !photons.is_empty() {
+            let from = (photons.len() - 1) / part * part;
+            let sort = |photons: &[_]| Chunk::new(photons, &view, &layout);
+            chunks.par_extend(photons[from..].par_chunks(CHUNK).map(sort));
+            photons.truncate(from);
+            photons.shrink_to_fit();
+        }
+        Self {
+            chunks,
+            layout,
+            view,
+        }
+    }
+
+    /// Bytes that the order takes in memory, as allocated, beside the photons.
     #[must_use]
     pub fn memory_bytes(&self) -> usize {
-        let bands = self.entries.iter().flatten();
-        bands.map(|b| b.capacity() * size_of::<Entry>()).sum()
+        let starts = self.chunks.iter().map(|c| size_of_val(&c.starts[..]));
+        starts.sum()
     }
 
     /// The photons of each tile of a band.
     #[must_use]
-    pub fn tiles(&self, band: u32, grid: &TileGrid) -> BandTiles {
-        let columns = grid.columns() as usize;
+    pub fn tiles(&self, band: u32) -> BandTiles<S, H> {
+        let columns = self.view.grid.columns() as usize;
+        let (mut photons, mut places) = (Vec::new(), Vec::new());
         let mut start = vec![0u32; columns + 1];
-        // Bands above this one list photons that reach it: with each, its rows from there on.
-        let above = SPAN.min(band + 1);
-        let entries = || {
-            let chunks = self.entries.iter().zip(0u32..);
-            chunks.flat_map(move |(chunk, number)| {
-                (0..above).rev().flat_map(move |up| {
-                    let top = up * TILE;
-                    chunk[(band - up) as usize]
-                        .iter()
-                        .filter(move |entry| u32::from(entry.rows[1]) >= top)
-                        .map(move |entry| (number * CHUNK as u32, top, entry))
-                })
-            })
-        };
-        for (_, _, entry) in entries() {
-            for column in entry.columns[0]..=entry.columns[1] {
-                start[column as usize + 1] += 1;
+        for chunk in &self.chunks {
+            for run in self.layout.runs(band) {
+                let [from, to] = run.map(|bucket| usize::from(chunk.starts[bucket]));
+                for photon in &chunk.photons[from..to] {
+                    let Some([across, rows]) = self.view.pixels(photon) else {
+                        continue;
+                    };
+                    let [first, last] = tiles_of(rows);
+                    if !(first..=last).contains(&band) {
+                        continue;
+                    }
+                    let top = band * TILE;
+                    let rows = [rows[0].max(top) - top, (rows[1] - top).min(TILE - 1)];
+                    let tiles = tiles_of(across).map(|tile| tile as usize);
+                    let counts = &mut start[tiles[0] + 1..=tiles[1] + 1];
+                    counts.iter_mut().for_each(|count| *count += 1);
+                    photons.push(*photon);
+                    places.push((tiles, rows.map(|row| row as u8)));
+                }
             }
         }
         for column in 0..columns {
             start[column + 1] += start[column];
         }
         let mut next = start.clone();
-        let mut photons = vec![(0u32, [0u8; 2]); start[columns] as usize];
-        for (chunk, top, entry) in entries() {
-            let [first, last] = entry.rows.map(u32::from);
-            let rows = [first.max(top) - top, (last - top).min(TILE - 1)].map(|row| row as u8);
-            for column in entry.columns[0]..=entry.columns[1] {
-                let slot = &mut next[column as usize];
-                photons[*slot as usize] = (chunk + u32::from(entry.photon), rows);
+        let mut listed = vec![(0u32, [0u8; 2]); start[columns] as usize];
+        for (photon, (tiles, rows)) in (0u32..).zip(places) {
+            for slot in &mut next[tiles[0]..=tiles[1]] {
+                listed[*slot as usize] = (photon, rows);
                 *slot += 1;
             }
         }
-        BandTiles { start, photons }
+        BandTiles {
+            photons,
+            start,
+            listed,
+        }
     }
 }
 
-/// Photons of the tiles of one band: index, and first and last row of pixels.
+/// Photons of the tiles of one band.
 #[derive(Debug)]
-pub struct BandTiles {
+pub struct BandTiles<S: Spectrum, H> {
+    /// Those that reach the band.
+    photons: Vec<Photon<S, H>>,
+    /// Of each tile in `listed`.
     start: Vec<u32>,
-    photons: Vec<(u32, [u8; 2])>,
+    /// Index among the band's photons, and first and last row of pixels.
+    listed: Vec<(u32, [u8; 2])>,
 }
 
-impl BandTiles {
-    /// The photons of a tile.
-    #[must_use]
-    pub fn tile(&self, column: u32) -> &[(u32, [u8; 2])] {
-        &self.photons
-            [self.start[column as usize] as usize..self.start[column as usize + 1] as usize]
+impl<S: Spectrum, H: Heading> BandTiles<S, H> {
+    /// The photons of a tile, each with the first and last row of pixels that it reaches.
+    pub fn tile(&self, column: u32) -> impl Iterator<Item = (&Photon<S, H>, [u8; 2])> {
+        let [from, to] = [column, column + 1].map(|c| self.start[c as usize] as usize);
+        let listed = self.listed[from..to].iter();
+        listed.map(|(photon, rows)| (&self.photons[*photon as usize], *rows))
     }
 }

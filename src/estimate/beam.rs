@@ -43,7 +43,7 @@ pub fn contribution<S: Spectrum, H: Heading>(
     t: f32,
     d2: f32,
 ) -> S {
-    let inverse = 1.0 / (photon.radius * photon.radius);
+    let inverse = 1.0 / (photon.radius() * photon.radius());
     let kernel = kernel.disc() * inverse * kernel.shape(d2 * inverse);
     let (tr, scattering) = profile.transmittance_and_sum(t, |medium, sigma_t| {
         let medium = &media[medium];
@@ -55,7 +55,7 @@ pub fn contribution<S: Spectrum, H: Heading>(
         };
         sigma_t * medium.albedo * phase
     });
-    tr * scattering * photon.power * kernel
+    tr * scattering * photon.power() * kernel
 }
 
 /// A straight piece of a camera's path.
@@ -91,7 +91,7 @@ pub fn radiance<S: Spectrum, H: Heading>(
             return;
         }
         counters.gathered_photons += 1;
-        let weight = wall::weight(walls, kernel, t, photon.radius, photon.position);
+        let weight = wall::weight(walls, kernel, t, photon.radius(), photon.position);
         if weight > 0.0 {
             sum.add(contribution(kernel, media, profile, ray, photon, t, d2) * weight);
         }

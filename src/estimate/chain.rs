@@ -50,7 +50,7 @@ const MAX_STRETCHES: u32 = 4096;
 
 /// What is needed to follow camera rays beyond a surface.
 #[derive(Debug)]
-pub struct Chain<'a, S, H> {
+pub struct Chain<'a, S: Spectrum, H> {
     /// The world.
     pub world: &'a World<S>,
     /// Its surfaces.

@@ -11,7 +11,7 @@ use crate::world::World;
 
 /// The photons of a pass, those of first order and those of higher ones.
 #[derive(Debug)]
-pub enum MediaPhotons<'a, S, H> {
+pub enum MediaPhotons<'a, S: Spectrum, H> {
     /// Under hierarchies of their discs.
     Beam([PhotonMap<S, H>; 2], Kernel),
     /// In trees.

@@ -57,7 +57,7 @@ const MAX_STEPS: f32 = 16_384.0;
 
 /// Photons of a pass, to be gathered in spheres.
 #[derive(Debug)]
-pub struct PointMap<'a, S, H> {
+pub struct PointMap<'a, S: Spectrum, H> {
     /// Photons of the first order and of higher ones.
     trees: [KdTree<Photon<S, H>>; 2],
     spheres: Spheres,
@@ -115,7 +115,7 @@ impl<'a, S: Spectrum, H: Heading> PointMap<'a, S, H> {
                 let wanted = (settings.neighbours as f32 * steps.powi(3)).round();
                 Spheres::Nearest(wanted.max(1.0) as usize + 1)
             }
-            Search::Radius => Spheres::Own(trees.each_ref().map(|t| t.largest(|p| p.radius))),
+            Search::Radius => Spheres::Own(trees.each_ref().map(|t| t.largest(Photon::radius))),
         };
         Self {
             trees,
@@ -213,7 +213,7 @@ impl<'a, S: Spectrum, H: Heading> PointMap<'a, S, H> {
                     } else {
                         ISOTROPIC
                     };
-                    fluence[found.layer] += photon.power * (found.kernel * phase);
+                    fluence[found.layer] += photon.power() * (found.kernel * phase);
                 }
                 let scattering = weight * sigma_t * medium.albedo;
                 for (sum, fluence) in sums.iter_mut().zip(fluence) {
@@ -290,7 +290,7 @@ impl<'a, S: Spectrum, H: Heading> PointMap<'a, S, H> {
 
 /// True where a photon is in another compartment of the world.
 #[inline]
-fn apart<S, H: Heading>(photon: &Photon<S, H>, compartment: u8) -> bool {
+fn apart<S: Spectrum, H: Heading>(photon: &Photon<S, H>, compartment: u8) -> bool {
     H::KEPT && photon.heading.compartment() != compartment
 }
 
@@ -300,7 +300,7 @@ struct Nearby<'a> {
     compartment: u8,
 }
 
-impl<S, H: Heading> Query<Photon<S, H>> for Nearby<'_> {
+impl<S: Spectrum, H: Heading> Query<Photon<S, H>> for Nearby<'_> {
     #[inline]
     fn bound(&self, _node: usize) -> f32 {
         self.nearest.bound
@@ -322,19 +322,20 @@ struct Around<'a> {
     found: &'a mut Vec<Found>,
 }
 
-impl<S, H: Heading> Query<Photon<S, H>> for Around<'_> {
+impl<S: Spectrum, H: Heading> Query<Photon<S, H>> for Around<'_> {
     #[inline]
     fn bound(&self, node: usize) -> f32 {
         self.largest[node] * self.largest[node]
     }
     #[inline]
     fn offer(&mut self, index: usize, photon: &Photon<S, H>, d2: f32) {
-        let r2 = photon.radius * photon.radius;
+        let radius = photon.radius();
+        let r2 = radius * radius;
         if d2 < r2 && !apart(photon, self.compartment) {
             self.found.push(Found {
                 layer: self.layer,
                 index,
-                kernel: self.kernel.ball() / (r2 * photon.radius) * self.kernel.shape(d2 / r2),
+                kernel: self.kernel.ball() / (r2 * radius) * self.kernel.shape(d2 / r2),
             });
         }
     }

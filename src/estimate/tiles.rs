@@ -11,7 +11,7 @@
 //! photons and picture set: the result does not depend on how the work was split.
 //!
 //! Deep in a cloud a ray pierces many photons of which next to nothing is left. Each photon is of
-//! a class j with probability 2^-(j+1) (a hash of its index), and counts only where the ray's
+//! a class j with probability 2^-(j+1) (a hash of its place), and counts only where the ray's
 //! optical depth is below tau_j = DEEP + j ln 2; what it adds beyond tau_(k-1) is divided by the
 //! chance 2^-k of being let through there. The expectation is the full sum; the photons looked at
 //! fall off like the light they bring (Russian roulette; Arvo & Kirk 1990).
@@ -27,6 +27,7 @@ use crate::march::{OnlyMedium, Profile};
 use crate::math::exp8;
 use crate::medium::Medium;
 use crate::phase::{ISOTROPIC, PhaseFunction};
+use crate::photon::kept::{chance_of, scattered};
 use crate::photon::{Heading, Photon};
 use crate::ray::Ray;
 use crate::spectrum::{Compensated, Spectrum};
@@ -44,18 +45,15 @@ const ROUNDING: f32 = 1e-6;
 
 /// The class of a photon.
 #[inline]
-fn class(index: u32, salt: u32) -> usize {
-    // Finaliser of MurmurHash3: every bit of the index reaches the low ones.
-    let mut h = index ^ salt;
-    h = (h ^ (h >> 16)).wrapping_mul(0x85eb_ca6b);
-    h = (h ^ (h >> 13)).wrapping_mul(0xc2b2_ae35);
-    h ^= h >> 16;
-    (h.trailing_zeros() as usize).min(CLASSES - 1)
+fn class(position: Vec3, salt: u32) -> usize {
+    // Scattered once more: the same bits have rounded its power.
+    let bits = scattered(chance_of(position) ^ salt);
+    (bits.trailing_zeros() as usize).min(CLASSES - 1)
 }
 
 /// The rays of a tile, in rows of eight, and what their profiles hold.
 #[derive(Debug)]
-pub struct TileRays<S, H> {
+pub struct TileRays<S: Spectrum, H> {
     /// Rays; unused ones never meet anything.
     pub rays: Vec<Ray>,
     /// Profiles of the rays.
@@ -136,17 +134,17 @@ impl<S: Spectrum, H: Heading> TileRays<S, H> {
         }
     }
 
-    /// Adds the radiance of a tile's photons to each ray's sum.
-    pub fn gather(
+    /// Adds the radiance of a tile's photons to each ray's sum; each comes with the first and last
+    /// row of rays that it can reach.
+    pub fn gather<'a>(
         &mut self,
         media: &[Medium<S>],
         (camera, compartment): (Vec3, u8),
-        photons: &[Photon<S, H>],
-        tile: &[(u32, [u8; 2])],
+        tile: impl Iterator<Item = (&'a Photon<S, H>, [u8; 2])>,
         sums: &mut [S; TILE_RAYS],
         counters: &mut Counters,
     ) {
-        self.fetch((camera, compartment), photons, tile);
+        self.fetch((camera, compartment), tile);
         self.find(camera);
         for (ray, sum) in sums.iter_mut().enumerate() {
             let (hits, near) = (&mut self.hits[ray], &self.near);
@@ -189,31 +187,29 @@ impl<S: Spectrum, H: Heading> TileRays<S, H> {
     }
 
     /// Copies the photons that lie before the farthest end of their class: in a dense cloud a few
-    /// of many. Side by side they fit the second cache, and their first fetches overlap, since
-    /// none waits for another.
-    fn fetch(
+    /// of many. Side by side they fit the nearest caches.
+    fn fetch<'a>(
         &mut self,
         (camera, compartment): (Vec3, u8),
-        photons: &[Photon<S, H>],
-        tile: &[(u32, [u8; 2])],
+        tile: impl Iterator<Item = (&'a Photon<S, H>, [u8; 2])>,
     ) {
         self.near.clear();
-        for (index, rows) in tile {
-            let photon = photons[*index as usize];
+        for (photon, rows) in tile {
             if H::KEPT && photon.heading.compartment() != compartment {
                 continue;
             }
-            let class = class(*index, self.salt);
+            let class = class(photon.position, self.salt);
             // Where a ray pierces the sphere, t^2 = |v|^2 - d^2 > |v|^2 - r^2.
             let v2 = (photon.position - camera).length_squared();
             let last = self.last[class];
-            if v2 * (1.0 - ROUNDING) - photon.radius * photon.radius < last * last {
+            let radius2 = photon.radius() * photon.radius();
+            if v2 * (1.0 - ROUNDING) - radius2 < last * last {
                 self.near.push(Near {
-                    photon,
+                    photon: *photon,
                     heading: photon.heading.direction(),
-                    inverse: 1.0 / (photon.radius * photon.radius),
+                    inverse: 1.0 / radius2,
                     class: class as u8,
-                    rows: *rows,
+                    rows,
                 });
             }
         }
@@ -225,7 +221,8 @@ impl<S: Spectrum, H: Heading> TileRays<S, H> {
         for (index, near) in self.near.iter().enumerate() {
             let v = near.photon.position - camera;
             let [x, y, z] = v.to_array().map(f32x8::splat);
-            let r2 = f32x8::splat(near.photon.radius * near.photon.radius);
+            let radius = near.photon.radius();
+            let r2 = f32x8::splat(radius * radius);
             let class = usize::from(near.class);
             let [first, last] = near.rows.map(|row| usize::from(row).min(7));
             for row in first..=last {
@@ -248,7 +245,7 @@ impl<S: Spectrum, H: Heading> TileRays<S, H> {
                     let lane = lanes.trailing_zeros() as usize & 7;
                     lanes &= lanes - 1;
                     let ray = 8 * row + lane;
-                    let (radius, position) = (near.photon.radius, near.photon.position);
+                    let position = near.photon.position;
                     let cut = self.walls[ray].weight(self.kernel, t[lane], radius, position);
                     if cut == 0.0 {
                         continue;
@@ -301,7 +298,7 @@ fn eight_photons<S: Spectrum, H: Heading>(
             }
         }
         if lane < hits.len() {
-            power[lane] = near.photon.power;
+            power[lane] = near.photon.power();
         }
     }
     let phase = if H::KEPT {
@@ -331,7 +328,7 @@ fn eight_photons<S: Spectrum, H: Heading>(
 
 /// A photon of a tile that some ray may count.
 #[derive(Debug, Clone, Copy)]
-struct Near<S, H> {
+struct Near<S: Spectrum, H> {
     photon: Photon<S, H>,
     /// Its direction of travel, if it is kept.
     heading: Vec3,

@@ -92,12 +92,8 @@ impl<S: Spectrum> Flight<'_, S> {
             &mut out.higher
         };
         rate.along(ray, t_end, &mut self.left, |t, rate| {
-            list.push(Photon {
-                position: ray.at(t),
-                radius: 0.0,
-                power: power * hero.weight_at(t) * (1.0 / rate),
-                heading,
-            });
+            let power = power * hero.weight_at(t) * (1.0 / rate);
+            list.push(Photon::new(ray.at(t), power, heading));
         });
     }
 

@@ -13,6 +13,7 @@
 use glam::Vec3;
 
 use super::Photon;
+use crate::spectrum::Spectrum;
 
 /// Points in a leaf, at most. More: distances in vain; fewer: more nodes to walk.
 pub(crate) const LEAF: usize = 8;
@@ -33,7 +34,7 @@ impl Place for Vec3 {
     }
 }
 
-impl<S: Send, H: Send> Place for Photon<S, H> {
+impl<S: Spectrum, H: Send> Place for Photon<S, H> {
     #[inline]
     fn place(&self) -> Vec3 {
         self.position

@@ -17,22 +17,23 @@ use obvhs::ray::Ray as BvhRay;
 
 use super::Photon;
 use crate::ray::Ray;
+use crate::spectrum::Spectrum;
 
 /// Photons under a hierarchy.
 #[derive(Debug)]
-pub struct PhotonMap<S, H> {
+pub struct PhotonMap<S: Spectrum, H> {
     photons: Vec<Photon<S, H>>,
     bvh: CwBvh,
 }
 
-impl<S: Copy, H: Copy> PhotonMap<S, H> {
+impl<S: Spectrum, H: Copy> PhotonMap<S, H> {
     /// Builds the hierarchy; photons without radius (0) are never met.
     #[must_use]
     pub fn new(photons: Vec<Photon<S, H>>) -> Self {
         let boxes: Vec<Aabb> = photons
             .iter()
             .map(|photon| {
-                let (p, r) = (Vec3A::from(photon.position), Vec3A::splat(photon.radius));
+                let (p, r) = (Vec3A::from(photon.position), Vec3A::splat(photon.radius()));
                 Aabb::new(p - r, p + r)
             })
             .collect();
@@ -87,7 +88,7 @@ impl<S: Copy, H: Copy> PhotonMap<S, H> {
             let t = to.dot(ray.direction);
             // By rejection: |to|^2 - t^2 would cancel far from the camera.
             let d2 = (to - ray.direction * t).length_squared();
-            if d2 < photon.radius * photon.radius && t > t0 && t < t1 {
+            if d2 < photon.radius() * photon.radius() && t > t0 && t < t1 {
                 visit(photon, t, d2);
             }
         });

@@ -30,6 +30,7 @@ pub mod deposit;
 mod flight;
 mod heading;
 pub(crate) mod kdtree;
+pub mod kept;
 pub mod map;
 pub mod radius;
 pub mod rim;
@@ -50,22 +51,54 @@ pub use heading::{Heading, Packed};
 
 use deposit::DepositRate;
 use flight::Flight;
+use kept::{Kept, chance_of};
 use surface::SurfacePhoton;
 
 /// Photons of one unit of parallel work.
 const CHUNK: u64 = 512;
 
-/// A photon on its way. 20 bytes grey and isotropic, 32 chromatic and anisotropic.
+/// A photon on its way. 16 bytes grey and isotropic, 32 chromatic and anisotropic.
 #[derive(Debug, Clone, Copy)]
-pub struct Photon<S, H> {
+pub struct Photon<S: Spectrum, H> {
     /// Where it was. \[m\]
     pub position: Vec3,
-    /// Radius of its kernel; 0 until the map sets it. \[m\]
-    pub radius: f32,
-    /// Its power over the rate of deposits there. \[W m\]
-    pub power: S,
+    /// Power and radius.
+    kept: S::Kept,
     /// Direction of travel.
     pub heading: H,
+}
+
+impl<S: Spectrum, H> Photon<S, H> {
+    /// A photon without a radius, its power being that over the rate of deposits there \[W m\].
+    #[inline]
+    #[must_use]
+    pub fn new(position: Vec3, power: S, heading: H) -> Self {
+        Self {
+            position,
+            kept: S::Kept::new(power, chance_of(position)),
+            heading,
+        }
+    }
+
+    /// Its power over the rate of deposits there. \[W m\]
+    #[inline]
+    #[must_use]
+    pub fn power(&self) -> S {
+        self.kept.power()
+    }
+
+    /// Radius of its kernel; 0 until the map sets it. \[m\]
+    #[inline]
+    #[must_use]
+    pub fn radius(&self) -> f32 {
+        self.kept.radius()
+    }
+
+    /// Sets the radius \[m\], as nearly as it is kept.
+    #[inline]
+    pub fn set_radius(&mut self, radius: f32) {
+        self.kept = self.kept.with_radius(radius);
+    }
 }
 
 /// What became of the emitted power:
@@ -116,7 +149,7 @@ pub struct TraceSettings<'a> {
 
 /// The photons of a pass.
 #[derive(Debug, Clone)]
-pub struct Photons<S, H> {
+pub struct Photons<S: Spectrum, H> {
     /// Deposits of the first scattering order.
     pub first: Vec<Photon<S, H>>,
     /// Deposits of all higher orders.

@@ -61,7 +61,7 @@ struct Cost {
 }
 
 /// A few photons, and what they are to stand for.
-struct Few<'a, S, H> {
+struct Few<'a, S: Spectrum, H> {
     photons: Photons<S, H>,
     radii: &'a Radii<S>,
     /// n / n'.

@@ -18,7 +18,7 @@ use crate::film::Sample;
 use crate::photon::map::PhotonMap;
 use crate::photon::radius::radius_scale;
 use crate::photon::surface::{SurfaceGather, SurfaceMap};
-use crate::photon::{Heading, Photon, Photons, TraceSettings, trace_photons};
+use crate::photon::{Heading, Photons, TraceSettings, trace_photons};
 use crate::rng::{Rng, Stage};
 use crate::scene::Method;
 use crate::spectrum::Spectrum;
@@ -118,13 +118,10 @@ pub(super) fn blur_dimension(method: Method) -> u32 {
     if method == Method::Point { 3 } else { 2 }
 }
 
-/// Photons, and the bands of the picture that they fall into.
-type Banded<S, H> = (Vec<Photon<S, H>>, Bands);
-
 /// The photons of a pass, those in media of first order and of higher ones.
-pub(super) struct Gather<'a, S, H> {
+pub(super) struct Gather<'a, S: Spectrum, H> {
     /// For camera rays from one point, in tiles.
-    tiles: Option<[Banded<S, H>; 2]>,
+    tiles: Option<[Bands<S, H>; 2]>,
     /// For rays from anywhere, one by one: with a lens, beyond mirrors and lenses, and in spheres.
     alone: Option<MediaPhotons<'a, S, H>>,
     /// On surfaces.
@@ -149,7 +146,7 @@ impl<'a, S: Spectrum, H: Heading> Gather<'a, S, H> {
             for photon in &mut photons {
                 photon.par_iter_mut().for_each(|p| {
                     let radius = radii.media.at(p.position);
-                    p.radius = radius.min(radii.rate.reach(p.position)) * scale;
+                    p.set_radius(radius.min(radii.rate.reach(p.position)) * scale);
                 });
             }
             surface = radii.surfaces.as_ref().map(|radius| SurfaceGather {
@@ -172,12 +169,8 @@ impl<'a, S: Spectrum, H: Heading> Gather<'a, S, H> {
         Self {
             alone: (!pinhole || job.plan.follow)
                 .then(|| MediaPhotons::Beam(photons.clone().map(PhotonMap::new), settings.kernel)),
-            tiles: pinhole.then(|| {
-                photons.map(|photons| {
-                    let bands = Bands::new(&photons, &job.world.camera, &job.grid);
-                    (photons, bands)
-                })
-            }),
+            tiles: pinhole
+                .then(|| photons.map(|photons| Bands::new(photons, &job.world.camera, &job.grid))),
             surface,
         }
     }
@@ -185,7 +178,7 @@ impl<'a, S: Spectrum, H: Heading> Gather<'a, S, H> {
     /// Bytes that sorting takes in memory, the photons that tiles hold left out.
     pub(super) fn memory_bytes(&self) -> usize {
         let tiles = self.tiles.iter().flatten();
-        tiles.map(|(_, bands)| bands.memory_bytes()).sum::<usize>()
+        tiles.map(Bands::memory_bytes).sum::<usize>()
             + self.alone.as_ref().map_or(0, MediaPhotons::memory_bytes)
             + self.surface.as_ref().map_or(0, |s| s.map.memory_bytes())
     }
@@ -219,12 +212,12 @@ fn gather_band<S: Spectrum, H: Heading>(
 }
 
 /// A band of eight rows of pixels at work.
-pub(super) struct Band<'a, S, H> {
+pub(super) struct Band<'a, S: Spectrum, H> {
     job: &'a Job<'a, S>,
     gather: &'a Gather<'a, S, H>,
     band: u32,
     pass: u32,
-    tiles: Option<[BandTiles; 2]>,
+    tiles: Option<[BandTiles<S, H>; 2]>,
     chain: Option<Chain<'a, S, H>>,
     scratch: Scratch<S>,
 }
@@ -242,10 +235,8 @@ impl<'a, S: Spectrum, H: Heading> Band<'a, S, H> {
             gather,
             band,
             pass,
-            tiles: gather.tiles.as_ref().map(|maps| {
-                maps.each_ref()
-                    .map(|(_, bands)| bands.tiles(band, &job.grid))
-            }),
+            tiles: (gather.tiles.as_ref())
+                .map(|maps| maps.each_ref().map(|bands| bands.tiles(band))),
             chain: job.world.surfaces.as_ref().map(|surfaces| Chain {
                 world: job.world,
                 surfaces,
@@ -321,15 +312,12 @@ impl<'a, S: Spectrum, H: Heading> Band<'a, S, H> {
                 }
                 *counters += sampler.counters;
             }
-            if let (Some(maps), Some(tiles)) = (&gather.tiles, &self.tiles) {
+            if let Some(tiles) = &self.tiles {
                 rays.arrange(&used);
-                for ((photons, _), (tile, sums)) in
-                    maps.iter().zip(tiles.iter().zip(&mut photon_sums))
-                {
+                for (tile, sums) in tiles.iter().zip(&mut photon_sums) {
                     rays.gather(
                         &job.world.media,
                         (job.world.camera.position, compartment),
-                        photons,
                         tile.tile(column),
                         sums,
                         counters,

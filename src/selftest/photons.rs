@@ -54,12 +54,9 @@ struct Case {
 }
 
 pub(super) fn photon(position: Vec3, radius: f32, power: f32) -> Plain {
-    Photon {
-        position,
-        radius,
-        power,
-        heading: (),
-    }
+    let mut photon = Photon::new(position, power, ());
+    photon.set_radius(radius);
+    photon
 }
 
 /// Uniform in the fog.
@@ -143,11 +140,11 @@ pub(super) fn exact(photon: &Plain, ray: &Ray, span: (f32, f32)) -> [f64; 2] {
     // Directions are of length 1 to rounding only.
     let t = v.dot(d) / d.length_squared();
     let (t0, t1) = (f64::from(span.0), f64::from(span.1));
-    let r = f64::from(photon.radius);
+    let r = f64::from(photon.radius());
     let d2 = (v - t * d).length_squared();
     let resolved = f64::from(f32::EPSILON) * v.length();
     let height =
-        (-SIGMA * (t - t0).max(0.0)).exp() * SIGMA * 0.25 / PI * f64::from(photon.power) * 3.0
+        (-SIGMA * (t - t0).max(0.0)).exp() * SIGMA * 0.25 / PI * f64::from(photon.power()) * 3.0
             / (PI * r * r);
     // A photon that f32 cannot place inside or outside its disc may count or not.
     let doubt = if d2.sqrt() > r + resolved {
@@ -199,7 +196,7 @@ pub(super) fn gather(
     }
     let photons = make(&tile.rays);
     let map = PhotonMap::new(photons.clone());
-    let bands = Bands::new(&photons, &world.camera, &grid);
+    let bands = Bands::new(photons.clone(), &world.camera, &grid);
     let by_map = std::array::from_fn(|i| {
         let (profile, ray) = (&tile.profiles[i], &tile.rays[i]);
         beam::radiance(
@@ -220,8 +217,7 @@ pub(super) fn gather(
     tile.gather(
         &world.media,
         (world.camera.position, 0),
-        &photons,
-        bands.tiles(0, &grid).tile(0),
+        bands.tiles(0).tile(0),
         &mut by_tile,
         nothing,
     );

@@ -429,18 +429,18 @@ fn check_gathers<S: Spectrum, H: Heading>(scene: &Scene, grids: &[&Grid]) {
     let mut photons = [traced.first, traced.higher].concat();
     let mut random = rng(40);
     for photon in &mut photons {
-        photon.radius = 3.0f32.mul_add(random.uniform(), 1.0);
+        photon.set_radius(3.0f32.mul_add(random.uniform(), 1.0));
     }
     let tile_grid = TileGrid {
         low: [0, 0],
         high: scene.camera.resolution,
     };
     let map = PhotonMap::new(photons.clone());
-    let bands = Bands::new(&photons, &world.camera, &tile_grid);
+    let bands = Bands::new(photons.clone(), &world.camera, &tile_grid);
     let mut rays = TileRays::<S, H>::default();
     let (mut met, mut worst) = (0u64, 0.0f32);
     for band in 0..tile_grid.bands() {
-        let tiles = bands.tiles(band, &tile_grid);
+        let tiles = bands.tiles(band);
         for column in 0..tile_grid.columns() {
             let mut plain = [(S::ZERO, S::ZERO); TILE_RAYS];
             let mut counts = [Counters::default(); 3];
@@ -465,7 +465,7 @@ fn check_gathers<S: Spectrum, H: Heading>(scene: &Scene, grids: &[&Grid]) {
                     let t = to.dot(ray.direction.as_dvec3());
                     let d2 = (to - t * ray.direction.as_dvec3()).length_squared() as f32;
                     let t = t as f32;
-                    if d2 < photon.radius * photon.radius && t > 0.0 && t < profile.t_end {
+                    if d2 < photon.radius() * photon.radius() && t > 0.0 && t < profile.t_end {
                         counts[0].gathered_photons += 1;
                         let add = |d2| {
                             beam::contribution(
@@ -504,7 +504,6 @@ fn check_gathers<S: Spectrum, H: Heading>(scene: &Scene, grids: &[&Grid]) {
             rays.gather(
                 &world.media,
                 (world.camera.position, 0),
-                &photons,
                 tiles.tile(column),
                 &mut sums,
                 &mut counts[2],

@@ -24,7 +24,7 @@ use crate::stats::{t_bound, z_bound};
 const SEARCHES: [Search; 2] = [Search::Nearest, Search::Radius];
 
 /// Photons of a scene with random radii, and what their estimate needs.
-struct Traced<S, H> {
+struct Traced<S: Spectrum, H> {
     world: World<S>,
     rate: DepositRate,
     radii: RadiusField,
@@ -49,7 +49,7 @@ fn traced<S: Spectrum, H: Heading>(scene: &Scene, grids: &[&Grid]) -> Traced<S, 
     let mut photons = [found.first, found.higher];
     let mut random = crate::fields::rng(40);
     for photon in photons.iter_mut().flatten() {
-        photon.radius = 3.0f32.mul_add(random.uniform(), 1.0);
+        photon.set_radius(3.0f32.mul_add(random.uniform(), 1.0));
     }
     let places = photons.iter().flatten().map(|p| p.position).collect();
     let radii = RadiusField::new(places, 20.0, 1.0, [0.1, 10.0]);
@@ -82,7 +82,7 @@ fn plain<S: Spectrum, H: Heading>(
         for photon in &all.photons[layer] {
             let r2 = match settings.search {
                 Search::Nearest => sphere,
-                Search::Radius => photon.radius * photon.radius,
+                Search::Radius => photon.radius() * photon.radius(),
             };
             let d2 = d2(photon);
             if d2 >= r2 {
@@ -96,7 +96,7 @@ fn plain<S: Spectrum, H: Heading>(
                 } else {
                     vpm_vdb::phase::ISOTROPIC
                 };
-                sum += sigma_t * medium.albedo * photon.power * (kernel * phase);
+                sum += sigma_t * medium.albedo * photon.power() * (kernel * phase);
             });
         }
         sum * profile.transmittance(t)
