@@ -30,7 +30,7 @@ use crate::photon::map::PhotonMap;
 use crate::photon::{Heading, Photon};
 use crate::ray::Ray;
 use crate::spectrum::{Compensated, Spectrum};
-use crate::tracking::Counters;
+use crate::tracking::{Counters, Sampler};
 
 /// What one photon adds: T sigma_s p P K. \[W/(m2 sr)\]
 #[inline]
@@ -71,12 +71,89 @@ pub struct Stretch<'a, S> {
     pub walls: [Wall; 2],
 }
 
+/// Optical depth at which the roulette of a ray alone begins. Lower: noise from what is seen; higher:
+/// photons of which next to nothing is left.
+const DEEP: f32 = 3.0;
+
+/// How deep a ray looks.
+///
+/// ```text
+/// end      tau_e = DEEP + x,  x distributed as exp(-x)
+/// weight   1 / P(tau_e > tau) = exp(tau - DEEP)  beyond DEEP, 1 before       tau in one channel
+/// ```
+///
+/// Russian roulette as in `tiles`, of the ray in place of its photons: what a hierarchy does not
+/// visit costs nothing. The light beyond is e^-DEEP of all, hence its noise.
+#[derive(Debug, Clone, Copy)]
+pub struct Sight {
+    /// \[m\]
+    t_deep: f32,
+    /// \[m\]
+    t_end: f32,
+    channel: usize,
+}
+
+impl Sight {
+    /// Draws the end of a ray that passes dense media; others are seen to their own.
+    #[must_use]
+    pub fn new<S: Spectrum>(profile: &Profile<S>, sampler: &mut Sampler) -> Self {
+        let whole = profile.optical_depth(profile.extent().1);
+        let thinner = |a: &usize, b: &usize| whole.channel(*a).total_cmp(&whole.channel(*b));
+        let channel = (0..S::CHANNELS).min_by(thinner).unwrap_or(0);
+        let (mut t_deep, mut t_end) = (profile.t_end, profile.t_end);
+        if whole.channel(channel) > DEEP {
+            t_deep = profile.distance_at(DEEP, channel);
+            let depth = DEEP + sampler.rng.exponential();
+            if depth < whole.channel(channel) {
+                t_end = profile.distance_at(depth, channel);
+            }
+        }
+        Self {
+            t_deep,
+            t_end,
+            channel,
+        }
+    }
+
+    /// To the profile's own end.
+    #[must_use]
+    pub fn whole<S: Spectrum>(profile: &Profile<S>) -> Self {
+        Self {
+            t_deep: profile.t_end,
+            t_end: profile.t_end,
+            channel: 0,
+        }
+    }
+
+    /// One over the chance that the ray looks as far as `t`.
+    #[inline]
+    fn weight<S: Spectrum>(&self, profile: &Profile<S>, t: f32) -> f32 {
+        if t <= self.t_deep {
+            return 1.0;
+        }
+        let depth = profile.optical_depth(t).channel(self.channel);
+        (depth - DEEP).max(0.0).exp()
+    }
+}
+
 /// Radiance of the map's photons along a stretch.
 pub fn radiance<S: Spectrum, H: Heading>(
     kernel: Kernel,
     media: &[Medium<S>],
     map: &PhotonMap<S, H>,
     stretch: &Stretch<'_, S>,
+    counters: &mut Counters,
+) -> S {
+    let sight = Sight::whole(stretch.profile);
+    radiance_within(kernel, media, map, (stretch, &sight), counters)
+}
+
+/// The same as deep as the ray looks.
+pub fn radiance_within<S: Spectrum, H: Heading>(
+    kernel: Kernel,
+    media: &[Medium<S>],
+    map: &PhotonMap<S, H>,
+    (stretch, sight): (&Stretch<'_, S>, &Sight),
     counters: &mut Counters,
 ) -> S {
     let Stretch {
@@ -86,15 +163,82 @@ pub fn radiance<S: Spectrum, H: Heading>(
         walls,
     } = stretch;
     let mut sum = Compensated::default();
-    map.along(ray, 0.0, profile.t_end, |photon, t, d2| {
+    map.along(ray, 0.0, sight.t_end, |photon, t, d2| {
         if H::KEPT && photon.heading.compartment() != *compartment {
             return;
         }
         counters.gathered_photons += 1;
         let weight = wall::weight(walls, kernel, t, photon.radius(), photon.position);
         if weight > 0.0 {
+            let weight = weight * sight.weight(profile, t);
             sum.add(contribution(kernel, media, profile, ray, photon, t, d2) * weight);
         }
     });
     sum.sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+    use crate::rng::{Rng, Stage};
+    use crate::scene::March;
+    use crate::selftest::fields::scene;
+    use crate::stats::{Welford, z_bound};
+    use crate::world::World;
+
+    /// However deep a ray looks, photons of every depth count once on average; beyond DEEP they are
+    /// looked at as often as light comes from there.
+    #[test]
+    fn photons_of_every_depth_count_once() {
+        let mut scene = scene(4.0, [8, 8]);
+        let half = glam::DVec3::ONE;
+        scene.fogs.push(crate::scene::Fog {
+            bounds: Some([-half, half]),
+            optics: crate::scene::Optics {
+                extinction: crate::scene::Rgb::new(6.0, 9.0, 40.0),
+                albedo: crate::scene::Rgb::ONE,
+                phase: crate::scene::Phase::Isotropic,
+            },
+        });
+        let world = World::<Vec3>::new(&scene, Vec::new()).expect("a world");
+        let ray = Ray {
+            origin: Vec3::new(0.0, 0.0, 4.0),
+            direction: Vec3::NEG_Z,
+        };
+        let mut profile = Profile::default();
+        let media = (0, &world.media[..]);
+        let nothing = &mut Counters::default();
+        profile.march(media, &ray, f32::INFINITY, March::Exact, nothing);
+        let mut sampler = Sampler::new(Rng::stream(12, Stage::Check, 0, 0));
+        let depths = [0.5f32, 2.9, 3.5, 5.0, 7.0, 9.0];
+        let mut counts = depths.map(|_| Welford::default());
+        let mut looked = depths.map(|_| 0.0);
+        let n = 200_000;
+        for _ in 0..n {
+            let sight = Sight::new(&profile, &mut sampler);
+            for ((depth, count), looked) in depths.iter().zip(&mut counts).zip(&mut looked) {
+                let t = 3.0 + depth / 6.0;
+                let seen = t < sight.t_end;
+                *looked += f64::from(u8::from(seen)) / f64::from(n);
+                let weight = if seen { sight.weight(&profile, t) } else { 0.0 };
+                count.add(f64::from(weight));
+            }
+        }
+        for ((depth, count), looked) in depths.iter().zip(&counts).zip(looked) {
+            let z = count.z(1.0, 1e-6);
+            assert!(
+                z.abs() < z_bound(depths.len()),
+                "depth {depth}: {} +- {}",
+                count.mean(),
+                count.standard_error()
+            );
+            let chance = f64::from((DEEP - depth).min(0.0).exp());
+            assert!(
+                (looked / chance - 1.0).abs() < 0.1,
+                "depth {depth}: {looked}"
+            );
+        }
+    }
 }

@@ -1,6 +1,6 @@
 //! Photons in media along a ray of any origin: by the beam estimate or by the point estimate.
 
-use crate::estimate::beam::{self, Stretch};
+use crate::estimate::beam::{self, Sight, Stretch};
 use crate::estimate::kernel::Kernel;
 use crate::estimate::point::{PointMap, Sphere};
 use crate::photon::Heading;
@@ -37,9 +37,13 @@ impl<S: Spectrum, H: Heading> MediaPhotons<'_, S, H> {
         sampler: &mut Sampler,
     ) -> [S; 2] {
         match self {
-            Self::Beam(maps, kernel) => maps.each_ref().map(|map| {
-                beam::radiance(*kernel, &world.media, map, stretch, &mut sampler.counters)
-            }),
+            Self::Beam(maps, kernel) => {
+                let sight = Sight::new(stretch.profile, sampler);
+                maps.each_ref().map(|map| {
+                    let along = (stretch, &sight);
+                    beam::radiance_within(*kernel, &world.media, map, along, &mut sampler.counters)
+                })
+            }
             Self::Point(map) => map.radiance(
                 &world.media,
                 stretch.compartment,

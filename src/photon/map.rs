@@ -19,6 +19,10 @@ use super::Photon;
 use crate::ray::Ray;
 use crate::spectrum::Spectrum;
 
+/// Factor on a ray's end for the walk through the hierarchy: the pierced point lies in the photon's
+/// box, and rounding must not put the box beyond. Larger: boxes are looked at in vain.
+const SLACK: f32 = 1.001;
+
 /// Photons under a hierarchy.
 #[derive(Debug)]
 pub struct PhotonMap<S: Spectrum, H> {
@@ -81,7 +85,7 @@ impl<S: Spectrum, H: Copy> PhotonMap<S, H> {
         if self.photons.is_empty() {
             return;
         }
-        let walk = BvhRay::new(ray.origin.into(), ray.direction.into(), 0.0, f32::INFINITY);
+        let walk = BvhRay::new(ray.origin.into(), ray.direction.into(), 0.0, t1 * SLACK);
         self.bvh.ray_traverse_anyhit(walk, |_, index| {
             let photon = &self.photons[index];
             let to = photon.position - ray.origin;

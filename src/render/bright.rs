@@ -1,17 +1,21 @@
-//! Pixels that look at a medium that shines: its light has camera rays of its own.
+//! Pixels that look at a flame or at a lamp in the mist: more camera rays for what is bright there.
 //!
 //! ```text
-//! L_emission of a pixel  ~  1/n^2 sum over n x n strata of  L_e(ray through a point of the stratum)
+//! L of a pixel  ~  1/n^2 sum over n x n strata of  (L_emission + L_first order)(ray through a point of the stratum)
 //! ```
 //!
-//! Flames are brighter than all around them and thinner than a pixel. What one ray a pass finds
-//! there jumps from pass to pass, though each ray's sum is exact; it was four fifths of the grain of
-//! a picture with a fire in it. Rays that ask for nothing but the emission up to the first surface are cheap beside
-//! those that gather photons.
+//! Flames are brighter than all around them and thinner than a pixel; the light that a medium
+//! scatters beside a lamp grows as 1 / d toward it. What one ray a pass finds there jumps from pass to
+//! pass, however exact the sum along it: four fifths of the grain of a picture with a fire in it,
+//! a fifth of a stage's in 75 pixels. Rays that gather no photons are cheap beside those that do, and
+//! these pixels are few.
 //!
-//! Which pixels: those on which a block of the medium with some share of its power falls
-//! (`light::Glow`). The choice belongs to the pixel and not to what a ray finds, so it changes no expectation:
-//! where a block is missed, or a lens blurs it beyond, one ray is as right and noisier.
+//! Which pixels: those on which a block of a medium with some share of its power falls
+//! (`light::Glow`), and those around a point or a spot. The choice belongs to the pixel and not to
+//! what a ray finds, so it changes no expectation: where something bright is missed, or a lens blurs it
+//! beyond, one ray is as right and noisier.
+
+use glam::Vec3;
 
 use crate::estimate::bands::TileGrid;
 use crate::light::Light;
@@ -21,7 +25,10 @@ use crate::world::World;
 /// Strata of a pixel along an edge, n. Fewer: grain along the edges of flames; more: marches.
 pub(super) const STRATA: u32 = 4;
 
-/// The pixels of the whole picture, row by row; none without a medium that shines.
+/// Pixels around a lamp that belong to it. Fewer: grain around lamps; more: rays for what is smooth.
+const AROUND: f32 = 4.0;
+
+/// The pixels of the whole picture, row by row; none without such lights.
 #[derive(Debug, Default)]
 pub(super) struct BrightPixels {
     width: u32,
@@ -40,13 +47,21 @@ impl BrightPixels {
             pixels: Vec::new(),
         };
         let frame = world.camera.frame();
+        let pixel = world.camera.pixels_per_slope()[1].recip();
         for light in &world.lights {
-            let Light::Glow(glow) = light else {
-                continue;
+            let spheres: Vec<(Vec3, f32)> = match light {
+                Light::Glow(glow) => glow.bright_blocks().collect(),
+                Light::Point(_) | Light::Spot(_) if !world.media.is_empty() => {
+                    let around = |p: Vec3| {
+                        let depth = (p - world.camera.position).dot(frame[2]);
+                        (p, AROUND * pixel * depth.abs())
+                    };
+                    light.position().map(around).into_iter().collect()
+                }
+                _ => continue,
             };
-            let count = width as usize * height as usize;
-            this.pixels.resize(count, false);
-            for (center, radius) in glow.bright_blocks() {
+            this.pixels.resize(width as usize * height as usize, false);
+            for (center, radius) in spheres {
                 let Some([[x0, x1], [y0, y1]]) =
                     grid.footprint(&world.camera, &frame, center, radius)
                 else {
@@ -61,7 +76,7 @@ impl BrightPixels {
         this
     }
 
-    /// True where the emission has rays of its own.
+    /// True where a pixel's strata have rays of their own.
     #[inline]
     pub(super) fn holds(&self, [x, y]: [u32; 2]) -> bool {
         let at = y as usize * self.width as usize + x as usize;

@@ -79,20 +79,14 @@ pub(super) fn camera_ray<S: Spectrum>(
         (None, None) => world.background(ray.direction),
     };
     let mut l = profile.transmittance * behind;
-    if job.plan.emission {
-        l += if job.bright.holds(pixel) {
-            emitted(job, pixel, aperture, sampler)
-        } else {
-            emission::radiance(world, ray, profile, &mut sampler.counters)
-        };
-    }
+    let [emitted, first] = if job.bright.holds(pixel) {
+        in_strata(job, pixel, aperture, sampler)
+    } else {
+        along(job, ray, profile, sampler)
+    };
+    l += emitted;
     sum.sample.emission += l.to_rgb();
-    if job.plan.direct {
-        sum.sample.direct += job
-            .lights
-            .radiance(world, ray, &world.camera_inside, profile, sampler)
-            .to_rgb();
-    }
+    sum.sample.direct += first.to_rgb();
     let alpha = if light.is_some() || hit.is_some() {
         1.0
     } else {
@@ -153,15 +147,35 @@ fn first_stretch<S: Spectrum>(
     }
 }
 
-/// What the media emit toward a pixel, up to the first surface: `bright`.
-fn emitted<S: Spectrum>(
+/// What the media emit along the first stretch, and what they scatter once of lights that are
+/// sampled.
+fn along<S: Spectrum>(
+    job: &Job<'_, S>,
+    ray: &Ray,
+    profile: &Profile<S>,
+    sampler: &mut Sampler,
+) -> [S; 2] {
+    let world = job.world;
+    let mut sums = [S::ZERO; 2];
+    if job.plan.emission {
+        sums[0] = emission::radiance(world, ray, profile, &mut sampler.counters);
+    }
+    if job.plan.direct {
+        let inside = &world.camera_inside;
+        sums[1] = job.lights.radiance(world, ray, inside, profile, sampler);
+    }
+    sums
+}
+
+/// The same toward a pixel, from rays through its strata: `bright`.
+fn in_strata<S: Spectrum>(
     job: &Job<'_, S>,
     pixel: [u32; 2],
     mut aperture: impl FnMut() -> [f32; 2],
     sampler: &mut Sampler,
-) -> S {
+) -> [S; 2] {
     let mut profile = Profile::default();
-    let mut sum = S::ZERO;
+    let mut sums = [S::ZERO; 2];
     for i in 0..STRATA * STRATA {
         let cell = [i % STRATA, i / STRATA];
         let jitter = sampler.uniform2();
@@ -170,7 +184,9 @@ fn emitted<S: Spectrum>(
         });
         let ray = job.world.camera.ray(point, aperture());
         first_stretch(job, (&ray, &mut profile), sampler);
-        sum += emission::radiance(job.world, &ray, &profile, &mut sampler.counters);
+        for (sum, found) in sums.iter_mut().zip(along(job, &ray, &profile, sampler)) {
+            *sum += found;
+        }
     }
-    sum * (1.0 / (STRATA * STRATA) as f32)
+    sums.map(|sum| sum * (1.0 / (STRATA * STRATA) as f32))
 }

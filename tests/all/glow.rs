@@ -1,18 +1,20 @@
-//! Media that shine: the photons that they send out, and the pixels that look at them.
+//! Media that shine: the photons that they send out; and the pixels that look at them, or at lamps.
 
 use std::f64::consts::PI;
 use std::sync::atomic::AtomicBool;
 
 use glam::{DAffine3, DVec3, IVec3, Vec3};
 
+use vpm_vdb::estimate::direct::DirectLights;
 use vpm_vdb::estimate::emission;
 use vpm_vdb::grid::Grid;
 use vpm_vdb::light::{Glow, Light};
 use vpm_vdb::march::Profile;
 use vpm_vdb::medium::Medium;
 use vpm_vdb::render::render_loaded;
-use vpm_vdb::scene::{Emission, March, Phase, Rgb, Scene};
-use vpm_vdb::tracking::Counters;
+use vpm_vdb::scene::{self, Emission, Fog, March, Optics, Phase, Rgb, Scene};
+use vpm_vdb::surface::Inside;
+use vpm_vdb::tracking::{Counters, Sampler};
 use vpm_vdb::world::{LoadedVolume, World};
 
 use crate::effects::scenes::exec;
@@ -187,6 +189,71 @@ fn a_flame_seen_directly_is_right_and_steady() {
         );
     }
     assert!(one > 0.0, "rays of a pixel differ");
+    assert!(
+        several < one / 16.0,
+        "variance {several} of a pass, {one} of a ray"
+    );
+}
+
+/// Pixels around a lamp in the mist likewise; elsewhere they are those of one ray.
+#[test]
+fn a_lamp_in_mist_is_right_and_steady() {
+    let (passes, rays, n) = (32u32, 512u32, 20);
+    let mut scene = scene(4.0, [n, n]);
+    scene.settings.passes = passes;
+    scene.settings.max_bounces = 1;
+    scene.fogs.push(Fog {
+        bounds: Some([DVec3::splat(-1.0), DVec3::ONE]),
+        optics: Optics {
+            extinction: Rgb::splat(0.5),
+            albedo: Rgb::ONE,
+            phase: Phase::Isotropic,
+        },
+    });
+    scene.lights.push(scene::Light::Point {
+        position: DVec3::new(0.07, -0.04, 0.1),
+        power: Rgb::splat(10.0),
+    });
+    let seen = render_loaded(&scene, Vec::new(), &exec(&AtomicBool::new(false)))
+        .expect("the scene can be rendered")
+        .film;
+    let world = World::<f32>::new(&scene, Vec::new()).expect("a world");
+    let lights = DirectLights::new(&world, None, u64::from(n * n));
+    let mut sampler = Sampler::new(rng(93));
+    let mut profile = Profile::default();
+    let (mut one, mut several) = (0.0, 0.0);
+    for y in 0..n {
+        let (mut difference, mut variance) = (0.0, 0.0);
+        for x in 0..n {
+            let mut luminance = Welford::default();
+            for _ in 0..rays {
+                let [u, v] = sampler.uniform2();
+                let ray = world.camera.ray([x as f32 + u, y as f32 + v], [0.0; 2]);
+                let media = (0, &world.media[..]);
+                profile.march(
+                    media,
+                    &ray,
+                    f32::INFINITY,
+                    March::Exact,
+                    &mut sampler.counters,
+                );
+                let l = lights.radiance(&world, &ray, &Inside::NOTHING, &profile, &mut sampler);
+                luminance.add(f64::from(l));
+            }
+            let error = seen.standard_error(x, y).expect("passes")[1];
+            difference += seen.mean(x, y)[1] - luminance.mean();
+            variance += error * error + luminance.variance_of_mean();
+            if x.abs_diff(n / 2) < 3 && y.abs_diff(n / 2) < 3 {
+                one += luminance.variance_of_mean() * f64::from(rays);
+                several += error * error * f64::from(passes);
+            }
+        }
+        assert!(
+            difference.abs() < z_bound(n as usize) * variance.sqrt(),
+            "row {y}: off by {difference} +- {}",
+            variance.sqrt()
+        );
+    }
     assert!(
         several < one / 16.0,
         "variance {several} of a pass, {one} of a ray"
