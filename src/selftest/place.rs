@@ -278,7 +278,7 @@ pub fn checks(suite: &mut Suite) -> Result<(), SelftestError> {
         many.settings.method = method;
         many.settings.passes = 1;
         many.settings.spp = if method == Method::Path { 4 } else { 1 };
-        many.settings.photons = suite.choose([3000, 20_000, 100_000]);
+        many.settings.photons = suite.choose([3000, 12_000, 100_000]);
         let mean = |scene: &Scene, grid: &Grid, seed: u64| -> Result<f64, SelftestError> {
             let mut scene = scene.clone();
             scene.settings.seed = seed;
