@@ -354,7 +354,7 @@ pub fn checks(suite: &mut Suite) -> Result<(), SelftestError> {
         schedule(),
         1e-6,
     );
-    let seeds = suite.choose([300, 1000, 50_000]);
+    let seeds = suite.choose([300, 600, 50_000]);
     let bound = t_bound(3, (seeds - 1) as f64);
     suite.worst("furnaces of 1, 2 and 30 photons, |t|", few(seeds)?, bound);
     Ok(())
