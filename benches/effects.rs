@@ -176,7 +176,7 @@ fn compare_tracking(rule: &str, scene: &Scene, volumes: &[LoadedVolume], bar: f6
         let plan = EffectPlan::new(&scene, volumes);
         World::<f32>::with(&scene, volumes.to_vec(), plan.general).expect("no surfaces to fail")
     });
-    let mut least = [[f64::INFINITY; 2]; 3];
+    let mut least = [[f64::INFINITY; 3]; 2];
     let mut ratios = [Vec::new(), Vec::new(), Vec::new()];
     for _ in 0..ROUNDS {
         let found = worlds.each_ref().map(|world| {
