@@ -137,6 +137,13 @@ impl Bounds {
         p.cmpge(self.min).all() && p.cmple(self.max).all()
     }
 
+    /// The part of [0, t_max] that the ray spends inside, if any; all of it where there is no box.
+    #[inline]
+    #[must_use]
+    pub fn clip_if(bounds: Option<&Self>, ray: &Ray, t_max: f32) -> Option<(f32, f32)> {
+        bounds.map_or(Some((0.0, t_max)), |b| b.clip(ray, 0.0, t_max))
+    }
+
     /// The part of [t0, t1] that the ray spends inside, if any.
     #[inline]
     #[must_use]

@@ -214,31 +214,27 @@ mod tests {
         let mut sampler = Sampler::new(Rng::stream(12, Stage::Check, 0, 0));
         let depths = [0.5f32, 2.9, 3.5, 5.0, 7.0, 9.0];
         let mut counts = depths.map(|_| Welford::default());
-        let mut looked = depths.map(|_| 0.0);
-        let n = 200_000;
-        for _ in 0..n {
+        let mut looked = depths.map(|_| Welford::default());
+        for _ in 0..200_000 {
             let sight = Sight::new(&profile, &mut sampler);
             for ((depth, count), looked) in depths.iter().zip(&mut counts).zip(&mut looked) {
                 let t = 3.0 + depth / 6.0;
                 let seen = t < sight.t_end;
-                *looked += f64::from(u8::from(seen)) / f64::from(n);
+                looked.add(f64::from(u8::from(seen)));
                 let weight = if seen { sight.weight(&profile, t) } else { 0.0 };
                 count.add(f64::from(weight));
             }
         }
         for ((depth, count), looked) in depths.iter().zip(&counts).zip(looked) {
-            let z = count.z(1.0, 1e-6);
-            assert!(
-                z.abs() < z_bound(depths.len()),
-                "depth {depth}: {} +- {}",
-                count.mean(),
-                count.standard_error()
-            );
             let chance = f64::from((DEEP - depth).min(0.0).exp());
-            assert!(
-                (looked / chance - 1.0).abs() < 0.1,
-                "depth {depth}: {looked}"
-            );
+            for (found, expected) in [(count, 1.0), (&looked, chance)] {
+                assert!(
+                    found.z(expected, 1e-6).abs() < z_bound(2 * depths.len()),
+                    "depth {depth}: {} +- {}, expected {expected}",
+                    found.mean(),
+                    found.standard_error()
+                );
+            }
         }
     }
 }

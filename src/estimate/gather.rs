@@ -36,6 +36,10 @@ impl<S: Spectrum, H: Heading> MediaPhotons<'_, S, H> {
         sphere: &mut Sphere,
         sampler: &mut Sampler,
     ) -> [S; 2] {
+        // A clear ray has nowhere for a photon to be.
+        if stretch.profile.is_clear() {
+            return [S::ZERO; 2];
+        }
         match self {
             Self::Beam(maps, kernel) => {
                 let sight = Sight::new(stretch.profile, sampler);

@@ -64,6 +64,18 @@ impl Plateau {
         f64::from(self.value) * ramp.x * ramp.y * ramp.z
     }
 
+    /// Integral of the field along a local ray inside [0, t_max], or up to a piece behind where it
+    /// reaches `enough`.
+    #[must_use]
+    pub fn integral(&self, ray: &ExactRay, t_max: f32, enough: f64) -> f64 {
+        let mut depth = 0.0;
+        self.pieces(ray, 0.0, t_max, |piece| {
+            depth += piece.integral;
+            depth < enough
+        });
+        depth
+    }
+
     /// Visits the pieces of a local ray inside [t0, t1] in order, until `visit` returns false.
     pub fn pieces(&self, ray: &ExactRay, t0: f32, t1: f32, mut visit: impl FnMut(Piece) -> bool) {
         let (mut enter, mut exit) = (f64::from(t0), f64::from(t1));

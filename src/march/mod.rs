@@ -26,7 +26,7 @@ pub use shadow::transmittance;
 use crate::grid::walk::Piece;
 use crate::hermite::{hermite, slope};
 use crate::medium::{Field, Medium};
-use crate::ray::Ray;
+use crate::ray::{Bounds, Ray};
 use crate::scene::March;
 use crate::spectrum::Spectrum;
 use crate::tracking::Counters;
@@ -80,9 +80,7 @@ impl<S: Spectrum> Profile<S> {
             let spent = SPENT_OPTICAL_DEPTH / thinnest_channel(medium_sigma);
             match &medium.field {
                 Field::Constant { bounds } => {
-                    if let Some((t0, t1)) =
-                        bounds.map_or(Some((0.0, t_end)), |b| b.clip(ray, 0.0, t_end))
-                    {
+                    if let Some((t0, t1)) = Bounds::clip_if(bounds.as_ref(), ray, t_end) {
                         let t1 = t1.min(t0 + spent);
                         if t1.is_finite() {
                             profile.push(Piece::constant(t0, t1, 1.0));

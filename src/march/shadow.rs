@@ -8,7 +8,7 @@
 use super::thinnest_channel;
 use crate::grid::walk::integral;
 use crate::medium::{Field, Medium};
-use crate::ray::Ray;
+use crate::ray::{Bounds, Ray};
 use crate::spectrum::Spectrum;
 use crate::tracking::Sampler;
 
@@ -37,33 +37,26 @@ pub fn transmittance<S: Spectrum>(
         // Drawn from (0, 1].
         let end = ROULETTE_DEPTH - (1.0 - sampler.uniform()).ln();
         let spent = end / per_depth;
-        let mut depth = 0.0f64;
-        match &medium.field {
-            Field::Constant { bounds } => {
-                let clipped = bounds.map_or(Some((0.0, t_max)), |b| b.clip(ray, 0.0, t_max));
-                depth = clipped.map_or(0.0, |(t0, t1)| f64::from((t1 - t0).min(spent)));
-            }
+        let depth = match &medium.field {
+            Field::Constant { bounds } => Bounds::clip_if(bounds.as_ref(), ray, t_max)
+                .map_or(0.0, |(t0, t1)| f64::from((t1 - t0).min(spent))),
             Field::Plateau(field) => {
-                field
-                    .plateau
-                    .pieces(&field.placement.exact_ray(ray), 0.0, t_max, |piece| {
-                        depth += piece.integral;
-                        depth < f64::from(spent)
-                    });
+                let local = field.placement.exact_ray(ray);
+                field.plateau.integral(&local, t_max, spent.into())
             }
             Field::Grid(field) => {
                 let local = field.placement.exact_ray(ray);
-                let (all, lookups) = integral(
+                let (depth, lookups) = integral(
                     &field.grid,
                     &field.majorants,
                     &local,
                     [0.0, t_max],
                     spent.into(),
                 );
-                depth = all;
                 sampler.counters.density_lookups += lookups;
+                depth
             }
-        }
+        };
         if depth >= f64::from(spent) {
             return S::ZERO;
         }

@@ -17,8 +17,10 @@
 
 use glam::Vec3;
 
+use crate::effects::EffectPlan;
 use crate::estimate::bands::TileGrid;
 use crate::light::Light;
+use crate::scene::Method;
 use crate::spectrum::Spectrum;
 use crate::world::World;
 
@@ -36,8 +38,17 @@ pub(super) struct BrightPixels {
 }
 
 impl BrightPixels {
-    /// Of a picture of `width` x `height`.
-    pub(super) fn new<S: Spectrum>(world: &World<S>, [width, height]: [u32; 2]) -> Self {
+    /// Of a picture of `width` x `height`: where rays look for emission, around flames; where they
+    /// look for lights that are sampled, around lamps. Paths look for both in their own way.
+    pub(super) fn new<S: Spectrum>(
+        world: &World<S>,
+        plan: &EffectPlan,
+        method: Method,
+        [width, height]: [u32; 2],
+    ) -> Self {
+        if method == Method::Path {
+            return Self::default();
+        }
         let grid = TileGrid {
             low: [0, 0],
             high: [width, height],
@@ -47,11 +58,12 @@ impl BrightPixels {
             pixels: Vec::new(),
         };
         let frame = world.camera.frame();
+        let (_, seen) = world.media_for(&world.camera_inside);
         let pixel = world.camera.pixels_per_slope()[1].recip();
         for light in &world.lights {
             let spheres: Vec<(Vec3, f32)> = match light {
-                Light::Glow(glow) => glow.bright_blocks().collect(),
-                Light::Point(_) | Light::Spot(_) if !world.media.is_empty() => {
+                Light::Glow(glow) if plan.emission => glow.bright_blocks().collect(),
+                Light::Point(_) | Light::Spot(_) if plan.direct && !seen.is_empty() => {
                     let around = |p: Vec3| {
                         let depth = (p - world.camera.position).dot(frame[2]);
                         (p, AROUND * pixel * depth.abs())

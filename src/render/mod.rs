@@ -393,7 +393,7 @@ fn in_world<S: Spectrum, T>(
     let rays = u64::from(width) * u64::from(height) * u64::from(settings.spp);
     let lights = DirectLights::new(&world, plan.photons.then_some(settings.photons), rays);
     let [x0, y0, x1, y1] = scene.settings.crop.unwrap_or([0, 0, width, height]);
-    let bright = BrightPixels::new(&world, [width, height]);
+    let bright = BrightPixels::new(&world, plan, settings.method, [width, height]);
     Ok(then(&Job {
         scene,
         world: &world,

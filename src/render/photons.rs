@@ -165,12 +165,19 @@ impl<'a, S: Spectrum, H: Heading> Gather<'a, S, H> {
                 surface,
             };
         }
-        let pinhole = !job.plan.lens;
+        // Tiles hold what lies before the first surface: nothing where the camera is in clear air.
+        let (_, before) = job.world.media_for(&job.world.camera_inside);
+        let tiled = !job.plan.lens && !before.is_empty();
+        let bands = |photons| Bands::new(photons, &job.world.camera, &job.grid);
+        let map = |photons| MediaPhotons::Beam(photons, settings.kernel);
+        let (tiles, alone) = match (tiled, job.plan.lens || job.plan.follow) {
+            (true, true) => (Some(photons.clone().map(bands)), Some(photons)),
+            (true, false) => (Some(photons.map(bands)), None),
+            (false, _) => (None, Some(photons)),
+        };
         Self {
-            alone: (!pinhole || job.plan.follow)
-                .then(|| MediaPhotons::Beam(photons.clone().map(PhotonMap::new), settings.kernel)),
-            tiles: pinhole
-                .then(|| photons.map(|photons| Bands::new(photons, &job.world.camera, &job.grid))),
+            tiles,
+            alone: alone.map(|photons| map(photons.map(PhotonMap::new))),
             surface,
         }
     }

@@ -32,7 +32,7 @@ use dense::{Collide, Dense};
 use hero::{Passed, coloured};
 
 use crate::medium::{Field, GridField, Medium, PlateauField};
-use crate::ray::Ray;
+use crate::ray::{Bounds, Ray};
 use crate::spectrum::Spectrum;
 
 /// Transmittance below which Russian roulette begins. Higher: fewer steps, more variance.
@@ -134,7 +134,7 @@ fn flight_in<S: Spectrum>(
 ) -> Option<f32> {
     match &medium.field {
         Field::Constant { bounds } => {
-            let (t0, t1) = bounds.map_or(Some((0.0, t_max)), |b| b.clip(ray, 0.0, t_max))?;
+            let (t0, t1) = Bounds::clip_if(bounds.as_ref(), ray, t_max)?;
             let sigma = medium.sigma_t.channel(hero.channel);
             let distance = sampler.rng.exponential() / sigma;
             constant_flight(medium.sigma_t, distance, (t0, t1), hero)
@@ -268,22 +268,17 @@ pub fn transmittance<S: Spectrum>(
     let mut tr = S::ONE;
     for medium in media {
         tr *= match &medium.field {
-            Field::Constant { bounds } => bounds
-                .map_or(Some((0.0, t_max)), |b| b.clip(ray, 0.0, t_max))
-                .map_or(S::ONE, |(t0, t1)| {
+            Field::Constant { bounds } => {
+                Bounds::clip_if(bounds.as_ref(), ray, t_max).map_or(S::ONE, |(t0, t1)| {
                     medium
                         .sigma_t
                         .map(|k| if k > 0.0 { (k * (t0 - t1)).exp() } else { 1.0 })
-                }),
+                })
+            }
             Field::Grid(field) => ratio_tracking(medium.sigma_t, field, ray, t_max, sampler),
             Field::Plateau(field) => {
-                let mut depth = 0.0;
-                field
-                    .plateau
-                    .pieces(&field.placement.exact_ray(ray), 0.0, t_max, |piece| {
-                        depth += piece.integral;
-                        true
-                    });
+                let local = field.placement.exact_ray(ray);
+                let depth = field.plateau.integral(&local, t_max, f64::INFINITY);
                 medium.sigma_t.map(|k| (-k * depth as f32).exp())
             }
         };
