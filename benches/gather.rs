@@ -256,7 +256,7 @@ fn bench<S: Spectrum, H: Heading>(
                     tile_rays.profiles[i].clone_from(&r.profile);
                 }
                 // A band's lists serve all of its tiles.
-                let lists = bands.tiles(*band);
+                let lists = bands.tiles(*band, 0);
                 tile_rays.arrange(&[true; TILE_RAYS]);
                 let mut sums = [S::ZERO; TILE_RAYS];
                 let camera = (world.camera.position, 0);
@@ -268,7 +268,7 @@ fn bench<S: Spectrum, H: Heading>(
         // What sorting a band's photons into its tiles takes is shared by the band's columns.
         let (list_time, ()) = timed(ROUNDS, || {
             for (band, ..) in &tiles {
-                std::hint::black_box(bands.tiles(*band));
+                std::hint::black_box(bands.tiles(*band, 0));
             }
         });
         let tile_time = tile_time - list_time * (1.0 - 1.0 / columns as f64);

@@ -7,6 +7,8 @@
 //!
 //! The slope of the depth *is* the density, which the knots hold.
 
+use wide::f32x8;
+
 /// A point of a profile.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Knot {
@@ -18,32 +20,140 @@ pub struct Knot {
     pub density: f32,
 }
 
-/// Cubic Hermite interpolation of the depth between two knots. Kept between theirs: the cubic may
-/// swing out where the field bends sharply inside a cell, which the exact depth cannot.
-#[inline]
-#[must_use]
-pub fn hermite(a: Knot, b: Knot, s: f32) -> f32 {
-    let length = b.t - a.t;
-    let rise = b.depth - a.depth;
-    let (start, end) = (a.density * length, b.density * length);
-    // depth = a + s start + s^2 (3 rise - 2 start - end) + s^3 (start + end - 2 rise)
-    let cubic = start + end - 2.0 * rise;
-    let square = rise - start - cubic;
-    s.mul_add(s.mul_add(s.mul_add(cubic, square), start), a.depth)
-        .clamp(a.depth, b.depth.max(a.depth))
+/// The depth between two knots. Eight numbers in a row: one load brings all of them.
+#[derive(Debug, Clone, Copy)]
+#[repr(C, align(32))]
+pub struct Cubic {
+    /// Where it begins. \[m\]
+    pub t: f32,
+    /// One over its length; 0 between knots that share t. \[1/m\]
+    per_length: f32,
+    /// Depth at its begin. \[m\]
+    depth: f32,
+    /// Of s, s^2, s^3. \[m\]
+    start: f32,
+    square: f32,
+    cubic: f32,
+    /// Depth at its end. \[m\]
+    end_depth: f32,
+    /// Where it ends. \[m\]
+    end: f32,
 }
 
-/// Slope of [`hermite`]: the density. 0 between knots that share t.
-#[inline]
-#[must_use]
-pub fn slope(a: Knot, b: Knot, s: f32) -> f32 {
-    let length = b.t - a.t;
-    if length <= 0.0 {
-        return 0.0;
+impl Cubic {
+    /// Behind the last one: no t is beyond its begin.
+    pub const END: Self = Self {
+        t: f32::NAN,
+        per_length: 0.0,
+        depth: 0.0,
+        start: 0.0,
+        square: 0.0,
+        cubic: 0.0,
+        end_depth: 0.0,
+        end: 0.0,
+    };
+
+    /// Between two knots.
+    #[inline]
+    #[must_use]
+    pub fn between(a: Knot, b: Knot) -> Self {
+        let length = b.t - a.t;
+        let rise = b.depth - a.depth;
+        let (start, end) = (a.density * length, b.density * length);
+        let cubic = start + end - 2.0 * rise;
+        Self {
+            t: a.t,
+            per_length: if length > 0.0 { 1.0 / length } else { 0.0 },
+            depth: a.depth,
+            start,
+            square: rise - start - cubic,
+            cubic,
+            end_depth: b.depth.max(a.depth),
+            end: b.t,
+        }
     }
-    let mean = (b.depth - a.depth) / length;
-    let bump = 6.0 * s * (1.0 - s) * (mean - 0.5 * (a.density + b.density));
-    ((b.density - a.density).mul_add(s, a.density) + bump).max(0.0)
+
+    /// Share of the way from begin to end at t.
+    #[inline]
+    fn share(&self, t: f32) -> f32 {
+        ((t - self.t) * self.per_length).clamp(0.0, 1.0)
+    }
+
+    /// Depth at a share of the way. Kept between those of the knots: the cubic may swing out where
+    /// the field bends sharply inside a cell, which the exact depth cannot.
+    #[inline]
+    fn depth_of(&self, s: f32) -> f32 {
+        s.mul_add(
+            s.mul_add(s.mul_add(self.cubic, self.square), self.start),
+            self.depth,
+        )
+        .clamp(self.depth, self.end_depth)
+    }
+
+    /// Its slope there: the density.
+    #[inline]
+    fn density_of(&self, s: f32) -> f32 {
+        let slope = s.mul_add(s.mul_add(3.0 * self.cubic, 2.0 * self.square), self.start);
+        (slope * self.per_length).max(0.0)
+    }
+
+    /// Integral of the density up to t; that of the nearer end beyond them. \[m\]
+    #[inline]
+    #[must_use]
+    pub fn depth(&self, t: f32) -> f32 {
+        self.depth_of(self.share(t))
+    }
+
+    /// Density at t; 0 beyond the ends.
+    #[inline]
+    #[must_use]
+    pub fn density(&self, t: f32) -> f32 {
+        if (self.t..=self.end).contains(&t) {
+            self.density_of(self.share(t))
+        } else {
+            0.0
+        }
+    }
+
+    /// [`Self::depth`] and [`Self::density`] of eight, each at its own t.
+    #[inline]
+    #[must_use]
+    pub fn read(cubics: [&Self; 8], t: f32x8) -> [f32x8; 2] {
+        let rows = cubics.map(|c| {
+            let row = [
+                c.t,
+                c.per_length,
+                c.depth,
+                c.start,
+                c.square,
+                c.cubic,
+                c.end_depth,
+                c.end,
+            ];
+            f32x8::from(row)
+        });
+        let [
+            begin,
+            per_length,
+            depth,
+            start,
+            square,
+            cubic,
+            end_depth,
+            end,
+        ] = f32x8::transpose(rows);
+        let (zero, one, two) = (f32x8::ZERO, f32x8::ONE, f32x8::splat(2.0));
+        let s = ((t - begin) * per_length).fast_max(zero).fast_min(one);
+        let twice = s.mul_add(cubic, square);
+        let along = s.mul_add(s.mul_add(twice, start), depth);
+        // 3 c s + 2 q = 2 (c s + q) + c s
+        let slope = s.mul_add(s.mul_add(cubic, two * twice), start);
+        let inside = t.simd_ge(begin) & t.simd_le(end);
+        [
+            along.fast_max(depth).fast_min(end_depth),
+            inside.select((slope * per_length).fast_max(zero), zero),
+        ]
+    }
 }
 
 /// Where between two knots the depth is reached, to the rounding of the depth itself.
@@ -53,19 +163,16 @@ pub fn distance(a: Knot, b: Knot, depth: f32) -> f32 {
         return if depth <= a.depth { a.t } else { b.t };
     }
     let (target, rise) = (depth - a.depth, b.depth - a.depth);
-    let begin = Knot { depth: 0.0, ..a };
-    let end = Knot { depth: rise, ..b };
-    let length = b.t - a.t;
+    let (begin, end) = (Knot { depth: 0.0, ..a }, Knot { depth: rise, ..b });
+    let (cubic, length) = (Cubic::between(begin, end), b.t - a.t);
     let s = invert(
         target.into(),
         f64::from(target) / f64::from(rise),
         2.0 * f64::from(f32::EPSILON) * f64::from(depth),
         |s| {
             let s = s as f32;
-            (
-                hermite(begin, end, s).into(),
-                (slope(begin, end, s) * length).into(),
-            )
+            let (depth, density) = (cubic.depth_of(s), cubic.density_of(s));
+            (depth.into(), (density * length).into())
         },
     );
     (s as f32).mul_add(length, a.t)

@@ -4,8 +4,9 @@
 //! pixels. Photons are sorted into bands of 8 rows, each band's photons into tiles of 8 columns.
 //!
 //! The projected rectangle is exact: a sphere of radius r at (x, z), z > r, is seen between the
-//! slopes (x z -+ r sqrt(x^2 + z^2 - r^2)) / (z^2 - r^2). A sphere that reaches the plane of the
-//! camera is put into every tile.
+//! slopes (x z -+ r sqrt(x^2 + z^2 - r^2)) / (z^2 - r^2). One that reaches the plane of the camera
+//! is seen from one slope on, without end on its own side; one around the camera everywhere. In
+//! fog most spheres near the camera are beside the picture.
 //!
 //! Photons are kept in the order of the bands that they reach, and nothing is listed beside them:
 //!
@@ -20,6 +21,8 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::camera::Camera;
+use crate::estimate::eight::Lit;
+use crate::estimate::tiles::class;
 use crate::photon::{Heading, Photon};
 use crate::spectrum::Spectrum;
 
@@ -37,6 +40,10 @@ const PARTS: usize = 8;
 const SPAN: u32 = 4;
 /// log2 of how many buckets of a level one of the next takes.
 const STEP: u32 = 2;
+
+/// Rounding of a squared distance. Smaller: photons are lost at the end of what is seen; larger: more
+/// are looked at in vain.
+const ROUNDING: f32 = 1e-6;
 
 /// Pixels of a picture that are rendered, in tiles.
 #[derive(Debug, Clone, Copy)]
@@ -79,26 +86,42 @@ impl TileGrid {
         let mut out = [[0, 0]; 2];
         for axis in 0..2 {
             let size = self.high[axis] - self.low[axis];
-            if z <= radius {
-                out[axis] = [0, size - 1];
-                continue;
-            }
             let x = to.dot(frame[axis]) * if axis == 0 { 1.0 } else { -1.0 };
-            let denominator = (z - radius) * (z + radius);
-            let root = radius * (x * x + denominator).sqrt();
             // Rays start within their pixel; a hundredth covers rounding.
-            let a = (x * z - root) / denominator * scale[axis] + middle[axis]
-                - self.low[axis] as f32
-                - 0.01;
-            let b = (x * z + root) / denominator * scale[axis] + middle[axis]
-                - self.low[axis] as f32
-                + 0.01;
+            let [a, b] = slopes(x, z, radius)
+                .map(|slope| slope * scale[axis] + middle[axis] - self.low[axis] as f32);
+            let (a, b) = (a - 0.01, b + 0.01);
             if !(b >= 0.0 && a < size as f32) {
                 return None;
             }
             out[axis] = [a.max(0.0) as u32, (b as u32).min(size - 1)];
         }
         Some(out)
+    }
+}
+
+/// Slopes x / z between which a disc of radius r around (x, z), z > -r, is seen from the origin.
+#[inline]
+fn slopes(x: f32, z: f32, r: f32) -> [f32; 2] {
+    let square = x * x + (z - r) * (z + r);
+    if square <= 0.0 {
+        return [f32::NEG_INFINITY, f32::INFINITY];
+    }
+    let root = r * square.sqrt();
+    let (side, past) = (x.abs(), (z - r) * (z + r));
+    if z > r {
+        return [(x * z - root) / past, (x * z + root) / past];
+    }
+    // The same of |x|, in that one of two forms in which no terms of opposite signs are added.
+    let nearer = if z > 0.0 {
+        (side - r) * (side + r) / (side * z + root)
+    } else {
+        (side * z - root) / past
+    };
+    if x > 0.0 {
+        [nearer, f32::INFINITY]
+    } else {
+        [f32::NEG_INFINITY, -nearer]
     }
 }
 
@@ -258,12 +281,12 @@ impl<S: Spectrum, H: Heading> Bands<S, H> {
         starts.sum()
     }
 
-    /// The photons of each tile of a band.
+    /// The photons of each tile of a band; `salt` shuffles their classes.
     #[must_use]
-    pub fn tiles(&self, band: u32) -> BandTiles<S, H> {
+    pub fn tiles(&self, band: u32, salt: u32) -> BandTiles {
         let columns = self.view.grid.columns() as usize;
-        let (mut photons, mut places) = (Vec::new(), Vec::new());
-        let mut start = vec![0u32; columns + 1];
+        let mut reached = Vec::new();
+        let mut first = vec![0u32; columns + 1];
         for chunk in &self.chunks {
             for run in self.layout.runs(band) {
                 let [from, to] = run.map(|bucket| usize::from(chunk.starts[bucket]));
@@ -271,55 +294,162 @@ impl<S: Spectrum, H: Heading> Bands<S, H> {
                     let Some([across, rows]) = self.view.pixels(photon) else {
                         continue;
                     };
-                    let [first, last] = tiles_of(rows);
-                    if !(first..=last).contains(&band) {
+                    let [top, bottom] = tiles_of(rows);
+                    if !(top..=bottom).contains(&band) {
                         continue;
                     }
                     let top = band * TILE;
                     let rows = [rows[0].max(top) - top, (rows[1] - top).min(TILE - 1)];
                     let tiles = tiles_of(across).map(|tile| tile as usize);
-                    let counts = &mut start[tiles[0] + 1..=tiles[1] + 1];
-                    counts.iter_mut().for_each(|count| *count += 1);
-                    photons.push(*photon);
-                    places.push((tiles, rows.map(|row| row as u8)));
+                    first[tiles[0] + 1] += 1;
+                    reached.push((photon, tiles, rows.map(|row| row as u8)));
                 }
             }
         }
-        for column in 0..columns {
-            start[column + 1] += start[column];
+        // In the order of their first tiles: those of a tile then lie close together.
+        let mut order = vec![0u32; reached.len()];
+        sum_up(&mut first);
+        for (i, (_, [tile, _], _)) in (0u32..).zip(&reached) {
+            let slot = &mut first[*tile];
+            order[*slot as usize] = i;
+            *slot += 1;
         }
+        let ordered = || order.iter().map(|i| reached[*i as usize]);
+        let mut start = vec![0u32; columns + 1];
+        for (_, [from, to], _) in &reached {
+            start[from + 1..=to + 1].iter_mut().for_each(|n| *n += 1);
+        }
+        sum_up(&mut start);
         let mut next = start.clone();
         let mut listed = vec![(0u32, [0u8; 2]); start[columns] as usize];
-        for (photon, (tiles, rows)) in (0u32..).zip(places) {
-            for slot in &mut next[tiles[0]..=tiles[1]] {
+        for (photon, (_, [from, to], rows)) in (0u32..).zip(ordered()) {
+            for slot in &mut next[from..=to] {
                 listed[*slot as usize] = (photon, rows);
                 *slot += 1;
             }
         }
+        let camera = self.view.camera.position;
         BandTiles {
-            photons,
+            photons: ordered()
+                .map(|(photon, ..)| BandPhoton::new(photon, camera, salt))
+                .collect(),
+            lit: ordered().map(|(photon, ..)| Lit::new(photon)).collect(),
             start,
             listed,
         }
     }
 }
 
-/// Photons of the tiles of one band.
+/// Counts, each behind its own place, to where what they count begins.
+fn sum_up(counts: &mut [u32]) {
+    let mut sum = 0;
+    for count in counts {
+        sum += *count;
+        *count = sum;
+    }
+}
+
+/// Where the rays of a band find a photon.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct BandPhoton {
+    /// From the camera. \[m\]
+    pub(super) to: Vec3,
+    /// \[m\]
+    pub(super) radius: f32,
+    /// No ray meets it nearer to the camera: that distance, squared. \[m2\]
+    pub(super) nearest2: f32,
+    /// Its class in the roulette of `tiles`.
+    pub(super) class: u8,
+    pub(super) compartment: u8,
+}
+
+impl BandPhoton {
+    #[inline]
+    fn new<S: Spectrum, H: Heading>(photon: &Photon<S, H>, camera: Vec3, salt: u32) -> Self {
+        let (to, radius) = (photon.position - camera, photon.radius());
+        Self {
+            to,
+            radius,
+            // Where a ray pierces the sphere, t^2 = |v|^2 - d^2 > |v|^2 - r^2.
+            nearest2: to.length_squared() * (1.0 - ROUNDING) - radius * radius,
+            class: class(photon.position, salt) as u8,
+            compartment: photon.heading.compartment(),
+        }
+    }
+}
+
+/// Photons of the tiles of one band, unpacked once for all of them.
 #[derive(Debug)]
-pub struct BandTiles<S: Spectrum, H> {
+pub struct BandTiles {
     /// Those that reach the band.
-    photons: Vec<Photon<S, H>>,
+    photons: Vec<BandPhoton>,
+    /// What they bring.
+    lit: Vec<Lit>,
     /// Of each tile in `listed`.
     start: Vec<u32>,
     /// Index among the band's photons, and first and last row of pixels.
     listed: Vec<(u32, [u8; 2])>,
 }
 
-impl<S: Spectrum, H: Heading> BandTiles<S, H> {
-    /// The photons of a tile, each with the first and last row of pixels that it reaches.
-    pub fn tile(&self, column: u32) -> impl Iterator<Item = (&Photon<S, H>, [u8; 2])> {
+impl BandTiles {
+    /// The photons of a tile.
+    #[must_use]
+    pub fn tile(&self, column: u32) -> TilePhotons<'_> {
         let [from, to] = [column, column + 1].map(|c| self.start[c as usize] as usize);
-        let listed = self.listed[from..to].iter();
-        listed.map(|(photon, rows)| (&self.photons[*photon as usize], *rows))
+        TilePhotons {
+            band: self,
+            listed: &self.listed[from..to],
+        }
+    }
+}
+
+/// Photons of one tile.
+#[derive(Debug, Clone, Copy)]
+pub struct TilePhotons<'a> {
+    band: &'a BandTiles,
+    listed: &'a [(u32, [u8; 2])],
+}
+
+impl<'a> TilePhotons<'a> {
+    /// Each of them, with what it brings and the first and last row of pixels that it reaches.
+    pub(super) fn each(self) -> impl Iterator<Item = (&'a BandPhoton, &'a Lit, [u8; 2])> {
+        self.listed.iter().map(move |(photon, rows)| {
+            let photon = *photon as usize;
+            (&self.band.photons[photon], &self.band.lit[photon], *rows)
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::{Rng, Stage};
+
+    /// Discs before, beside, around and a little behind the origin: a direction meets the disc
+    /// exactly where its slope lies between the two, but for rounding.
+    #[test]
+    fn slopes_bound_what_is_seen() {
+        let mut rng = Rng::stream(5, Stage::Check, 0, 0);
+        let (mut inside, mut outside) = (0, 0);
+        for _ in 0..20_000 {
+            let r = 0.1 + rng.uniform();
+            let (x, z) = (8.0 * rng.uniform() - 4.0, 5.0f32.mul_add(rng.uniform(), -r));
+            let [low, high] = slopes(x, z, r);
+            for _ in 0..20 {
+                let slope = 3.0 * (2.0 * rng.uniform() - 1.0);
+                // The point of the half line nearest to the middle.
+                let [dx, dz, x, z, r] = [slope, 1.0, x, z, r].map(f64::from);
+                let t = ((x * dx + z * dz) / (dx * dx + dz * dz)).max(0.0);
+                let distance = (x - t * dx).hypot(z - t * dz);
+                if (distance - r).abs() < 1e-4 * (x.hypot(z) + r) {
+                    continue;
+                }
+                let between = (low..=high).contains(&slope);
+                assert_eq!(between, distance < r, "({x}, {z}), {r}: slope {slope}");
+                inside += u32::from(between);
+                outside += u32::from(!between);
+            }
+        }
+        assert!(inside > 10_000 && outside > 10_000, "{inside} {outside}");
     }
 }

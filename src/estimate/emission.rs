@@ -22,7 +22,7 @@ pub fn radiance<S: Spectrum>(
     counters: &mut Counters,
 ) -> S {
     let mut sum = S::ZERO;
-    let alone = profile.only().is_some();
+    let alone = profile.media().count() == 1;
     for (index, medium) in world.media.iter().enumerate() {
         let Some(emission) = &medium.emission else {
             continue;

@@ -12,6 +12,7 @@
 //! | `gather` | the one or the other, for rays of any origin |
 //! | `bands` | photons sorted into tiles of the picture |
 //! | `tiles` | the beam estimate for 8 x 8 camera rays at a time |
+//! | `eight` | what photons add to a ray, eight at a time |
 //! | `emission` | light emitted along the ray |
 //! | `chain` | beyond the first surface: what a hit sends back, mirrors and lenses |
 //! | `kernel` | kernels |
@@ -24,6 +25,7 @@ pub mod bands;
 pub mod beam;
 pub mod chain;
 pub mod direct;
+mod eight;
 pub mod emission;
 pub mod gather;
 pub mod kernel;

@@ -16,21 +16,21 @@
 //! chance 2^-k of being let through there. The expectation is the full sum; the photons looked at
 //! fall off like the light they bring (Russian roulette; Arvo & Kirk 1990).
 
+use std::marker::PhantomData;
+
 use glam::Vec3;
 use wide::f32x8;
 
-use crate::estimate::bands::TILE_RAYS;
-use crate::estimate::beam::contribution;
+use crate::estimate::bands::{TILE_RAYS, TilePhotons};
+use crate::estimate::eight::{Lit, Pierced, radiance};
 use crate::estimate::kernel::Kernel;
 use crate::estimate::wall::Wall;
-use crate::march::{OnlyMedium, Profile};
-use crate::math::exp8;
+use crate::march::Profile;
 use crate::medium::Medium;
-use crate::phase::{ISOTROPIC, PhaseFunction};
+use crate::photon::Heading;
 use crate::photon::kept::{chance_of, scattered};
-use crate::photon::{Heading, Photon};
 use crate::ray::Ray;
-use crate::spectrum::{Compensated, Spectrum};
+use crate::spectrum::Spectrum;
 use crate::tracking::Counters;
 
 /// Optical depth at which the roulette begins. Lower: noise from what is seen; higher: work on what
@@ -39,19 +39,15 @@ const DEEP: f32 = 1.0;
 /// Classes of the roulette: enough to reach the depth at which profiles end.
 const CLASSES: usize = 20;
 
-/// Rounding of a squared distance. Smaller: photons are lost at the end of what is seen; larger: more
-/// are looked at in vain.
-const ROUNDING: f32 = 1e-6;
-
 /// The class of a photon.
 #[inline]
-fn class(position: Vec3, salt: u32) -> usize {
+pub(super) fn class(position: Vec3, salt: u32) -> usize {
     // Scattered once more: the same bits have rounded its power.
     let bits = scattered(chance_of(position) ^ salt);
     (bits.trailing_zeros() as usize).min(CLASSES - 1)
 }
 
-/// The rays of a tile, in rows of eight, and what their profiles hold.
+/// The rays of a tile, in rows of eight, and what their profiles hold; of photons with headings `H`.
 #[derive(Debug)]
 pub struct TileRays<S: Spectrum, H> {
     /// Rays; unused ones never meet anything.
@@ -69,14 +65,16 @@ pub struct TileRays<S: Spectrum, H> {
     ends: Vec<[f32; CLASSES]>,
     /// The farthest of each class.
     last: [f32; CLASSES],
+    /// True where a ray ends on something.
+    walled: bool,
     /// Kernel of the estimate.
     pub kernel: Kernel,
-    /// Shuffles the classes from pass to pass.
-    pub salt: u32,
-    /// Scratch: photons that some ray may count.
-    near: Vec<Near<S, H>>,
+    /// Scratch: photons that some ray may count, and what they bring.
+    near: Vec<Near>,
+    lit: Vec<Lit>,
     /// Scratch: photons that each ray pierces.
-    hits: Vec<Vec<Pierced>>,
+    hits: [Vec<Pierced>; TILE_RAYS],
+    headings: PhantomData<H>,
 }
 
 impl<S: Spectrum, H: Heading> Default for TileRays<S, H> {
@@ -96,10 +94,12 @@ impl<S: Spectrum, H: Heading> Default for TileRays<S, H> {
             t_end: [[f32x8::ZERO; 8]; CLASSES],
             ends: vec![[0.0; CLASSES]; TILE_RAYS],
             last: [0.0; CLASSES],
+            walled: false,
             kernel: Kernel::Biweight,
-            salt: 0,
             near: Vec::new(),
-            hits: vec![Vec::new(); TILE_RAYS],
+            lit: Vec::new(),
+            hits: [const { Vec::new() }; TILE_RAYS],
+            headings: PhantomData,
         }
     }
 }
@@ -116,6 +116,7 @@ impl<S: Spectrum, H: Heading> TileRays<S, H> {
                 ends[CLASSES - 1] = profile.t_end;
             }
         }
+        self.walled = self.walls.iter().any(Wall::is_there);
         self.last = std::array::from_fn(|class| {
             let ends = self.ends.iter().map(|ends| ends[class]);
             ends.fold(0.0, f32::max)
@@ -134,83 +135,44 @@ impl<S: Spectrum, H: Heading> TileRays<S, H> {
         }
     }
 
-    /// Adds the radiance of a tile's photons to each ray's sum; each comes with the first and last
-    /// row of rays that it can reach.
-    pub fn gather<'a>(
+    /// Adds the radiance of a tile's photons to each ray's sum.
+    pub fn gather(
         &mut self,
         media: &[Medium<S>],
         (camera, compartment): (Vec3, u8),
-        tile: impl Iterator<Item = (&'a Photon<S, H>, [u8; 2])>,
+        tile: TilePhotons<'_>,
         sums: &mut [S; TILE_RAYS],
         counters: &mut Counters,
     ) {
-        self.fetch((camera, compartment), tile);
+        self.fetch(compartment, tile);
         self.find(camera);
         for (ray, sum) in sums.iter_mut().enumerate() {
-            let (hits, near) = (&mut self.hits[ray], &self.near);
-            let (profile, camera_ray) = (&self.profiles[ray], &self.rays[ray]);
+            let hits = &mut self.hits[ray];
             counters.gathered_photons += hits.len() as u64;
-            if let Some(only) = profile.only() {
-                let medium = &media[only.medium()];
-                let mut fluence = Compensated::default();
-                for eight in hits.chunks(8) {
-                    let kernel = self.kernel;
-                    fluence.add(eight_photons(
-                        kernel,
-                        &only,
-                        &medium.phase,
-                        camera_ray,
-                        near,
-                        eight,
-                    ));
-                }
-                *sum += fluence.sum() * medium.sigma_t * medium.albedo;
-            } else {
-                let mut all = Compensated::default();
-                for hit in hits.iter() {
-                    let photon = &near[hit.near as usize].photon;
-                    let l = contribution(
-                        self.kernel,
-                        media,
-                        profile,
-                        camera_ray,
-                        photon,
-                        hit.t,
-                        hit.d2,
-                    );
-                    all.add(l * hit.weight);
-                }
-                *sum += all.sum();
-            }
+            let along = (self.rays[ray].direction, &self.profiles[ray]);
+            *sum += radiance::<S, H>(self.kernel, media, along, &self.lit, hits);
             hits.clear();
         }
     }
 
     /// Copies the photons that lie before the farthest end of their class: in a dense cloud a few
     /// of many. Side by side they fit the nearest caches.
-    fn fetch<'a>(
-        &mut self,
-        (camera, compartment): (Vec3, u8),
-        tile: impl Iterator<Item = (&'a Photon<S, H>, [u8; 2])>,
-    ) {
+    fn fetch(&mut self, compartment: u8, tile: TilePhotons<'_>) {
         self.near.clear();
-        for (photon, rows) in tile {
-            if H::KEPT && photon.heading.compartment() != compartment {
+        self.lit.clear();
+        for (photon, lit, rows) in tile.each() {
+            if photon.compartment != compartment && H::KEPT {
                 continue;
             }
-            let class = class(photon.position, self.salt);
-            // Where a ray pierces the sphere, t^2 = |v|^2 - d^2 > |v|^2 - r^2.
-            let v2 = (photon.position - camera).length_squared();
-            let last = self.last[class];
-            let radius2 = photon.radius() * photon.radius();
-            if v2 * (1.0 - ROUNDING) - radius2 < last * last {
+            let last = self.last[usize::from(photon.class)];
+            if photon.nearest2 < last * last {
                 self.near.push(Near {
-                    photon: *photon,
-                    heading: photon.heading.direction(),
-                    inverse: 1.0 / radius2,
-                    class: class as u8,
+                    to: photon.to,
+                    radius: photon.radius,
+                    class: photon.class,
                     rows,
                 });
+                self.lit.push(*lit);
             }
         }
     }
@@ -218,11 +180,9 @@ impl<S: Spectrum, H: Heading> TileRays<S, H> {
     /// Lists for each ray the photons that it pierces. Kept apart from adding them up: so each
     /// ray's profile stays in the nearest cache while its photons read it.
     fn find(&mut self, camera: Vec3) {
-        for (index, near) in self.near.iter().enumerate() {
-            let v = near.photon.position - camera;
-            let [x, y, z] = v.to_array().map(f32x8::splat);
-            let radius = near.photon.radius();
-            let r2 = f32x8::splat(radius * radius);
+        for (index, near) in (0u32..).zip(&self.near) {
+            let [x, y, z] = near.to.to_array().map(f32x8::splat);
+            let r2 = f32x8::splat(near.radius * near.radius);
             let class = usize::from(near.class);
             let [first, last] = near.rows.map(|row| usize::from(row).min(7));
             for row in first..=last {
@@ -240,26 +200,29 @@ impl<S: Spectrum, H: Heading> TileRays<S, H> {
                 if lanes == 0 {
                     continue;
                 }
-                let (t, d2) = (t.to_array(), d2.to_array());
+                // Doubled behind the end of each class before its own.
+                let mut weight = f32x8::ONE;
+                for ends in &self.t_end[..class] {
+                    weight = t.simd_ge(ends[row]).select(weight + weight, weight);
+                }
+                let (t, d2, weight) = (t.to_array(), d2.to_array(), weight.to_array());
                 while lanes != 0 {
                     let lane = lanes.trailing_zeros() as usize & 7;
                     lanes &= lanes - 1;
                     let ray = 8 * row + lane;
-                    let position = near.photon.position;
-                    let cut = self.walls[ray].weight(self.kernel, t[lane], radius, position);
-                    if cut == 0.0 {
-                        continue;
+                    let mut weight = weight[lane];
+                    if self.walled {
+                        let (wall, position) = (&self.walls[ray], camera + near.to);
+                        weight *= wall.weight(self.kernel, t[lane], near.radius, position);
+                        if weight == 0.0 {
+                            continue;
+                        }
                     }
-                    // Most are of the first class, and none of those beyond its end.
-                    let passed = self.ends[ray][..class]
-                        .iter()
-                        .filter(|end| t[lane] >= **end)
-                        .count();
                     self.hits[ray].push(Pierced {
-                        near: index as u32,
+                        photon: index,
                         t: t[lane],
                         d2: d2[lane],
-                        weight: cut * f32::from_bits((127 + passed as u32) << 23),
+                        weight,
                     });
                 }
             }
@@ -267,87 +230,14 @@ impl<S: Spectrum, H: Heading> TileRays<S, H> {
     }
 }
 
-/// What up to eight photons of a ray through one medium add, over its scattering coefficient where
-/// the density is 1: [`contribution`], side by side.
-#[inline]
-fn eight_photons<S: Spectrum, H: Heading>(
-    kernel: Kernel,
-    only: &OnlyMedium<'_, S>,
-    phase: &PhaseFunction,
-    ray: &Ray,
-    near: &[Near<S, H>],
-    hits: &[Pierced],
-) -> S {
-    let [mut t, mut d2, mut inverse, mut share] = [[0.0f32; 8]; 4];
-    let mut heading = [[0.0f32; 8]; 3];
-    let mut power = [S::ZERO; 8];
-    // Lanes without a photon read the profile where one is, and carry no power.
-    let Some(last) = hits.last() else {
-        return S::ZERO;
-    };
-    for lane in 0..8 {
-        let hit = hits.get(lane).unwrap_or(last);
-        let near = &near[hit.near as usize];
-        t[lane] = hit.t;
-        d2[lane] = hit.d2;
-        inverse[lane] = near.inverse;
-        share[lane] = hit.weight;
-        if H::KEPT {
-            for (row, part) in heading.iter_mut().zip(near.heading.to_array()) {
-                row[lane] = part;
-            }
-        }
-        if lane < hits.len() {
-            power[lane] = near.photon.power();
-        }
-    }
-    let phase = if H::KEPT {
-        phase.p8(heading.map(f32x8::from), -ray.direction)
-    } else {
-        f32x8::splat(ISOTROPIC)
-    };
-    let (depth, on_ray) = only.read(t);
-    let inverse = f32x8::from(inverse);
-    let kernel = f32x8::splat(kernel.disc()) * inverse * kernel.shape8(f32x8::from(d2) * inverse);
-    let weight = (kernel * phase * on_ray * f32x8::from(share)).to_array();
-    let sigma_t = only.sigma_t();
-    let first = exp8(-(depth * f32x8::splat(sigma_t.channel(0)))).to_array();
-    let mut sum = S::ZERO;
-    if sigma_t == S::splat(sigma_t.channel(0)) {
-        for lane in 0..8 {
-            sum += power[lane] * (weight[lane] * first[lane]);
-        }
-    } else {
-        let depth = depth.to_array();
-        for lane in 0..8 {
-            sum += S::transmittance(sigma_t * depth[lane]) * power[lane] * weight[lane];
-        }
-    }
-    sum
-}
-
 /// A photon of a tile that some ray may count.
 #[derive(Debug, Clone, Copy)]
-struct Near<S: Spectrum, H> {
-    photon: Photon<S, H>,
-    /// Its direction of travel, if it is kept.
-    heading: Vec3,
-    /// One over its squared radius. \[1/m2\]
-    inverse: f32,
+struct Near {
+    /// From the camera. \[m\]
+    to: Vec3,
+    /// \[m\]
+    radius: f32,
     class: u8,
     /// First and last row of the tile's pixels that its sphere reaches.
     rows: [u8; 2],
-}
-
-/// A photon that a ray pierces.
-#[derive(Debug, Clone, Copy)]
-struct Pierced {
-    /// Place in the list of near ones.
-    near: u32,
-    /// Parameter of the ray's nearest point. \[m\]
-    t: f32,
-    /// Squared distance there. \[m2\]
-    d2: f32,
-    /// One over the chance of being let through: 2^k.
-    weight: f32,
 }

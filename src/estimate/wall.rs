@@ -46,6 +46,12 @@ impl Wall {
         offset: 0.0,
     };
 
+    /// False for [`Self::NONE`].
+    #[must_use]
+    pub fn is_there(&self) -> bool {
+        self.slope < f32::INFINITY
+    }
+
     /// Of a surface that the ray meets at `t`, or 0 for the one that it leaves.
     #[must_use]
     pub fn new(ray: &Ray, hit: &Hit, t: f32) -> Self {

@@ -11,7 +11,7 @@
 use wide::f32x8;
 
 use crate::grid::walk::{Piece, walk};
-use crate::hermite::{Knot, distance, hermite, slope};
+use crate::hermite::{Cubic, Knot, distance};
 use crate::medium::GridField;
 use crate::ray::Ray;
 use crate::scene::March;
@@ -27,9 +27,11 @@ pub(super) struct MediumProfile<S> {
     pub(super) sigma_t: S,
     /// In order of t; at least two, or none.
     pub(super) knots: Vec<Knot>,
+    /// Between each two of them, and [`Cubic::END`].
+    cubics: Vec<Cubic>,
     /// Depth of the last knot, before rounding: hundreds of cells add up. \[m\]
     total: f64,
-    /// Index of the last knot at or before the start of each of equal bins of t.
+    /// Index of the last knot at or before each of equal bins of t.
     bins: Vec<u32>,
     /// Bins per metre.
     bin_scale: f32,
@@ -37,6 +39,10 @@ pub(super) struct MediumProfile<S> {
 
 /// Bins of a profile for each knot: enough that a reading scans one knot or two.
 const BINS_PER_KNOT: f32 = 2.0;
+/// How far before its begin a bin looks for its knot, and the least of it for each bin before. Less:
+/// rounding puts a t into a bin whose knot is beyond it; more: longer scans. \[bins\]
+const MARGIN: f32 = 1.0 / 64.0;
+const MARGIN_PER_BIN: f32 = 8.0 * f32::EPSILON;
 
 impl<S: Spectrum> MediumProfile<S> {
     /// Empties the profile for another medium.
@@ -124,65 +130,70 @@ impl<S: Spectrum> MediumProfile<S> {
         });
     }
 
-    /// Makes the bins.
+    /// Makes cubics and bins.
     pub(super) fn index(&mut self) {
         self.bins.clear();
+        self.cubics.clear();
         let (Some(first), Some(last)) = (self.knots.first(), self.knots.last()) else {
             return;
         };
+        let pairs = self.knots.windows(2);
+        self.cubics
+            .extend(pairs.map(|pair| Cubic::between(pair[0], pair[1])));
+        self.cubics.push(Cubic::END);
         let count = (self.knots.len() as f32 * BINS_PER_KNOT).ceil();
         let length = last.t - first.t;
         self.bin_scale = if length > 0.0 { count / length } else { 0.0 };
         if !self.bin_scale.is_finite() {
             self.bin_scale = 0.0;
         }
+        let width = 1.0 / self.bin_scale.max(f32::MIN_POSITIVE);
         let mut knot = 0;
         for bin in 0..=count as u32 {
-            let t = first.t + bin as f32 / self.bin_scale.max(f32::MIN_POSITIVE);
-            while knot + 2 < self.knots.len() && self.knots[knot + 1].t <= t {
+            let before = MARGIN.max(MARGIN_PER_BIN * bin as f32);
+            let t = (bin as f32 - before).mul_add(width, first.t);
+            while self.cubics[knot + 1].t <= t {
                 knot += 1;
             }
-            // One earlier, lest rounding of the bin's start skip the knot that holds it.
-            self.bins.push(knot.saturating_sub(1) as u32);
+            self.bins.push(knot as u32);
         }
     }
 
-    /// The two knots around t, and where between them it lies, in [0, 1].
+    /// The bin of each t.
     #[inline]
-    pub(super) fn locate(&self, t: f32) -> (Knot, Knot, f32) {
-        let knots = &self.knots[..];
-        let bin =
-            ((t - knots[0].t) * self.bin_scale).clamp(0.0, (self.bins.len() - 1) as f32) as usize;
+    fn bin(&self, t: f32x8) -> [i32; 8] {
+        let last = (self.bins.len() - 1) as f32;
+        let bin = (t - f32x8::splat(self.knots[0].t)) * f32x8::splat(self.bin_scale);
+        let bin = bin.fast_min(f32x8::splat(last)).fast_max(f32x8::ZERO);
+        bin.fast_trunc_int().to_array()
+    }
+
+    /// The last cubic that begins at or before t, given its bin; the first, if none does.
+    #[inline]
+    fn cubic(&self, bin: usize, t: f32) -> &Cubic {
         let mut i = self.bins[bin] as usize;
-        while i + 2 < knots.len() && knots[i + 1].t <= t {
+        // One step or two are what a bin takes; which, cannot be guessed.
+        i += usize::from(self.cubics[i + 1].t <= t);
+        i += usize::from(self.cubics[i + 1].t <= t);
+        while self.cubics[i + 1].t <= t {
             i += 1;
         }
-        let (a, b) = (knots[i], knots[i + 1]);
-        let length = b.t - a.t;
-        let s = if length > 0.0 {
-            ((t - a.t) / length).clamp(0.0, 1.0)
-        } else {
-            1.0
-        };
-        (a, b, s)
+        &self.cubics[i]
     }
 
-    /// Integral of the density up to t.
+    /// The cubic around t, or at the nearer end.
     #[inline]
-    pub(super) fn depth(&self, t: f32) -> f32 {
-        let (a, b, s) = self.locate(t);
-        hermite(a, b, s)
+    pub(super) fn at(&self, t: f32) -> &Cubic {
+        let bin = (t - self.knots[0].t) * self.bin_scale;
+        self.cubic((bin as usize).min(self.bins.len() - 1), t)
     }
 
-    /// Density at t: the slope of the depth.
+    /// Integral of the density, and the density, at eight points.
     #[inline]
-    pub(super) fn density(&self, t: f32) -> f32 {
-        let (a, b, s) = self.locate(t);
-        if (a.t..=b.t).contains(&t) {
-            slope(a, b, s)
-        } else {
-            0.0
-        }
+    pub(super) fn read(&self, t: f32x8) -> [f32x8; 2] {
+        let (bins, each) = (self.bin(t), t.to_array());
+        let cubic = |lane: usize| self.cubic(bins[lane] as usize, each[lane]);
+        Cubic::read(std::array::from_fn(cubic), t)
     }
 
     /// Where the integral of the density reaches `depth`.
@@ -193,56 +204,5 @@ impl<S: Spectrum> MediumProfile<S> {
             .clamp(1, knots.len() - 1);
         let (a, b) = (knots[i - 1], knots[i]);
         distance(a, b, depth)
-    }
-}
-
-/// The profile of a ray with one medium.
-pub(crate) struct OnlyMedium<'a, S>(pub(super) &'a MediumProfile<S>);
-
-impl<S: Spectrum> OnlyMedium<'_, S> {
-    /// Index of the medium.
-    #[inline]
-    pub(crate) fn medium(&self) -> usize {
-        self.0.medium
-    }
-
-    /// Extinction where the density is 1. \[1/m\]
-    #[inline]
-    pub(crate) fn sigma_t(&self) -> S {
-        self.0.sigma_t
-    }
-
-    /// Integral of the density, and the density, at eight points: [`hermite`] and [`slope`].
-    #[inline]
-    pub(crate) fn read(&self, t: [f32; 8]) -> (f32x8, f32x8) {
-        let mut at = [[0.0f32; 8]; 6];
-        for lane in 0..8 {
-            let (a, b, _) = self.0.locate(t[lane]);
-            let knots = [a.t, a.depth, a.density, b.t, b.depth, b.density];
-            for (row, value) in at.iter_mut().zip(knots) {
-                row[lane] = value;
-            }
-        }
-        let [a_t, a_depth, a_density, b_t, b_depth, b_density] = at.map(f32x8::from);
-        let (t, zero, one) = (f32x8::from(t), f32x8::ZERO, f32x8::ONE);
-        let length = b_t - a_t;
-        let rise = b_depth - a_depth;
-        let some = length.simd_gt(zero);
-        let per_length = some.select(one / length, zero);
-        let s = some.select(((t - a_t) * per_length).fast_max(zero).fast_min(one), one);
-        let (start, end) = (a_density * length, b_density * length);
-        let cubic = start + end - rise - rise;
-        let square = rise - start - cubic;
-        let depth = s
-            .mul_add(s.mul_add(s.mul_add(cubic, square), start), a_depth)
-            .fast_max(a_depth)
-            .fast_min(b_depth);
-        let bump = f32x8::splat(6.0)
-            * s
-            * (one - s)
-            * (rise * per_length - f32x8::HALF * (a_density + b_density));
-        let density = ((b_density - a_density).mul_add(s, a_density) + bump).fast_max(zero);
-        let inside = some & t.simd_ge(a_t) & t.simd_le(b_t);
-        (depth, inside.select(density, zero))
     }
 }

@@ -20,11 +20,11 @@
 mod medium;
 mod shadow;
 
-pub(crate) use medium::OnlyMedium;
 pub use shadow::transmittance;
 
+use wide::f32x8;
+
 use crate::grid::walk::Piece;
-use crate::hermite::{hermite, slope};
 use crate::medium::{Field, Medium};
 use crate::ray::{Bounds, Ray};
 use crate::scene::March;
@@ -139,25 +139,29 @@ impl<S: Spectrum> Profile<S> {
     pub fn transmittance_and_sum(&self, t: f32, mut of: impl FnMut(usize, S) -> S) -> (S, S) {
         let (mut tau, mut sum) = (S::ZERO, S::ZERO);
         for profile in &self.media[..self.used] {
-            let (a, b, s) = profile.locate(t);
-            tau += profile.sigma_t * hermite(a, b, s);
-            if (a.t..=b.t).contains(&t) {
-                let density = slope(a, b, s);
-                if density > 0.0 {
-                    sum += of(profile.medium, profile.sigma_t * density);
-                }
+            let cubic = profile.at(t);
+            tau += profile.sigma_t * cubic.depth(t);
+            let density = cubic.density(t);
+            if density > 0.0 {
+                sum += of(profile.medium, profile.sigma_t * density);
             }
         }
         (S::transmittance(tau), sum)
     }
 
-    /// The profile of the only medium on the ray, to be read eight points at a time.
+    /// Visits each medium on the ray with its extinction where the density is 1 \[1/m\], and, at
+    /// eight points, the integral of its density \[m\] and the density.
     #[inline]
-    pub(crate) fn only(&self) -> Option<OnlyMedium<'_, S>> {
-        match &self.media[..self.used] {
-            [profile] => Some(OnlyMedium(profile)),
-            _ => None,
+    pub(crate) fn visit_eight(&self, t: f32x8, mut visit: impl FnMut(usize, S, [f32x8; 2])) {
+        for profile in &self.media[..self.used] {
+            visit(profile.medium, profile.sigma_t, profile.read(t));
         }
+    }
+
+    /// True where the channels of no medium on the ray differ.
+    pub(crate) fn is_grey(&self) -> bool {
+        let mut media = self.media[..self.used].iter();
+        media.all(|p| p.sigma_t == S::splat(p.sigma_t.channel(0)))
     }
 
     /// Optical depth from the ray's start to t.
@@ -166,7 +170,7 @@ impl<S: Spectrum> Profile<S> {
     pub fn optical_depth(&self, t: f32) -> S {
         let mut tau = S::ZERO;
         for profile in &self.media[..self.used] {
-            tau += profile.sigma_t * profile.depth(t);
+            tau += profile.sigma_t * profile.at(t).depth(t);
         }
         tau
     }
@@ -180,7 +184,7 @@ impl<S: Spectrum> Profile<S> {
     #[inline]
     pub fn media_at(&self, t: f32, mut visit: impl FnMut(usize, S)) {
         for profile in &self.media[..self.used] {
-            let density = profile.density(t);
+            let density = profile.at(t).density(t);
             if density > 0.0 {
                 visit(profile.medium, profile.sigma_t * density);
             }

@@ -224,7 +224,7 @@ pub(super) struct Band<'a, S: Spectrum, H> {
     gather: &'a Gather<'a, S, H>,
     band: u32,
     pass: u32,
-    tiles: Option<[BandTiles<S, H>; 2]>,
+    tiles: Option<[BandTiles; 2]>,
     chain: Option<Chain<'a, S, H>>,
     scratch: Scratch<S>,
 }
@@ -237,13 +237,15 @@ impl<'a, S: Spectrum, H: Heading> Band<'a, S, H> {
         pass: u32,
     ) -> Self {
         let settings = &job.scene.settings;
+        // Other classes in every pass.
+        let salt = pass.wrapping_mul(0x9e37_79b9);
         Self {
             job,
             gather,
             band,
             pass,
             tiles: (gather.tiles.as_ref())
-                .map(|maps| maps.each_ref().map(|bands| bands.tiles(band))),
+                .map(|maps| maps.each_ref().map(|bands| bands.tiles(band, salt))),
             chain: job.world.surfaces.as_ref().map(|surfaces| Chain {
                 world: job.world,
                 surfaces,
@@ -268,7 +270,6 @@ impl<'a, S: Spectrum, H: Heading> Band<'a, S, H> {
         let (job, gather, band) = (self.job, self.gather, self.band);
         let (grid, settings) = (&job.grid, &job.scene.settings);
         rays.kernel = settings.kernel;
-        rays.salt = self.pass.wrapping_mul(0x9e37_79b9);
         let width = grid.high[0] - grid.low[0];
         let rows = (grid.high[1] - grid.low[1] - band * TILE).min(TILE);
         let compartment = job.world.compartment(&job.world.camera_inside);

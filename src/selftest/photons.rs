@@ -217,7 +217,7 @@ pub(super) fn gather(
     tile.gather(
         &world.media,
         (world.camera.position, 0),
-        bands.tiles(0).tile(0),
+        bands.tiles(0, 0).tile(0),
         &mut by_tile,
         nothing,
     );

@@ -440,7 +440,7 @@ fn check_gathers<S: Spectrum, H: Heading>(scene: &Scene, grids: &[&Grid]) {
     let mut rays = TileRays::<S, H>::default();
     let (mut met, mut worst) = (0u64, 0.0f32);
     for band in 0..tile_grid.bands() {
-        let tiles = bands.tiles(band);
+        let tiles = bands.tiles(band, 0);
         for column in 0..tile_grid.columns() {
             let mut plain = [(S::ZERO, S::ZERO); TILE_RAYS];
             let mut counts = [Counters::default(); 3];
