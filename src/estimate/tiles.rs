@@ -72,8 +72,8 @@ pub struct TileRays<S: Spectrum, H> {
     /// Scratch: photons that some ray may count, and what they bring.
     near: Vec<Near>,
     lit: Vec<Lit>,
-    /// Scratch: photons that each ray pierces.
-    hits: [Vec<Pierced>; TILE_RAYS],
+    /// Scratch: photons that each ray of a row pierces.
+    hits: [Vec<Pierced>; 8],
     headings: PhantomData<H>,
 }
 
@@ -98,7 +98,7 @@ impl<S: Spectrum, H: Heading> Default for TileRays<S, H> {
             kernel: Kernel::Biweight,
             near: Vec::new(),
             lit: Vec::new(),
-            hits: [const { Vec::new() }; TILE_RAYS],
+            hits: [const { Vec::new() }; 8],
             headings: PhantomData,
         }
     }
@@ -145,13 +145,15 @@ impl<S: Spectrum, H: Heading> TileRays<S, H> {
         counters: &mut Counters,
     ) {
         self.fetch(compartment, tile);
-        self.find(camera);
-        for (ray, sum) in sums.iter_mut().enumerate() {
-            let hits = &mut self.hits[ray];
-            counters.gathered_photons += hits.len() as u64;
-            let along = (self.rays[ray].direction, &self.profiles[ray]);
-            *sum += radiance::<S, H>(self.kernel, media, along, &self.lit, hits);
-            hits.clear();
+        for row in 0..8 {
+            self.find(camera, row);
+            for (lane, hits) in self.hits.iter_mut().enumerate() {
+                let ray = 8 * row + lane;
+                counters.gathered_photons += hits.len() as u64;
+                let along = (self.rays[ray].direction, &self.profiles[ray]);
+                sums[ray] += radiance::<S, H>(self.kernel, media, along, &self.lit, hits);
+                hits.clear();
+            }
         }
     }
 
@@ -177,54 +179,53 @@ impl<S: Spectrum, H: Heading> TileRays<S, H> {
         }
     }
 
-    /// Lists for each ray the photons that it pierces. Kept apart from adding them up: so each
-    /// ray's profile stays in the nearest cache while its photons read it.
-    fn find(&mut self, camera: Vec3) {
+    /// Lists for each ray of a row the photons that it pierces. Kept apart from adding them up, and
+    /// row by row: profiles stay in the nearest cache while photons read them, and lists in the next.
+    fn find(&mut self, camera: Vec3, row: usize) {
+        let direction = [0, 1, 2].map(|axis| self.direction[axis][row]);
+        let [dx, dy, dz] = direction;
+        let t_start = self.t_start[row];
+        let ends = self.t_end.each_ref().map(|ends| ends[row]);
         for (index, near) in (0u32..).zip(&self.near) {
+            let [first, last] = near.rows.map(usize::from);
+            if row < first || row > last {
+                continue;
+            }
             let [x, y, z] = near.to.to_array().map(f32x8::splat);
-            let r2 = f32x8::splat(near.radius * near.radius);
-            let class = usize::from(near.class);
-            let [first, last] = near.rows.map(|row| usize::from(row).min(7));
-            for row in first..=last {
-                let t_end = self.t_end[class][row];
-                let [dx, dy, dz] = [
-                    self.direction[0][row],
-                    self.direction[1][row],
-                    self.direction[2][row],
-                ];
-                let t = x.mul_add(dx, y.mul_add(dy, z * dz));
-                let (cx, cy, cz) = (x - t * dx, y - t * dy, z - t * dz);
-                let d2 = cx.mul_add(cx, cy.mul_add(cy, cz * cz));
-                let pierced = d2.simd_lt(r2) & t.simd_ge(self.t_start[row]) & t.simd_lt(t_end);
-                let mut lanes = pierced.to_bitmask();
-                if lanes == 0 {
-                    continue;
-                }
-                // Doubled behind the end of each class before its own.
-                let mut weight = f32x8::ONE;
-                for ends in &self.t_end[..class] {
-                    weight = t.simd_ge(ends[row]).select(weight + weight, weight);
-                }
-                let (t, d2, weight) = (t.to_array(), d2.to_array(), weight.to_array());
-                while lanes != 0 {
-                    let lane = lanes.trailing_zeros() as usize & 7;
-                    lanes &= lanes - 1;
-                    let ray = 8 * row + lane;
-                    let mut weight = weight[lane];
-                    if self.walled {
-                        let (wall, position) = (&self.walls[ray], camera + near.to);
-                        weight *= wall.weight(self.kernel, t[lane], near.radius, position);
-                        if weight == 0.0 {
-                            continue;
-                        }
+            let class = usize::from(near.class).min(CLASSES - 1);
+            let t = x.mul_add(dx, y.mul_add(dy, z * dz));
+            let (cx, cy, cz) = (x - t * dx, y - t * dy, z - t * dz);
+            let d2 = cx.mul_add(cx, cy.mul_add(cy, cz * cz));
+            let pierced = d2.simd_lt(f32x8::splat(near.radius * near.radius))
+                & t.simd_ge(t_start)
+                & t.simd_lt(ends[class]);
+            let mut lanes = pierced.to_bitmask();
+            if lanes == 0 {
+                continue;
+            }
+            // Doubled behind the end of each class before its own.
+            let mut weight = f32x8::ONE;
+            for end in &ends[..class] {
+                weight = t.simd_ge(*end).select(weight + weight, weight);
+            }
+            let (t, d2, weight) = (t.to_array(), d2.to_array(), weight.to_array());
+            while lanes != 0 {
+                let lane = lanes.trailing_zeros() as usize & 7;
+                lanes &= lanes - 1;
+                let mut weight = weight[lane];
+                if self.walled {
+                    let (wall, position) = (&self.walls[8 * row + lane], camera + near.to);
+                    weight *= wall.weight(self.kernel, t[lane], near.radius, position);
+                    if weight == 0.0 {
+                        continue;
                     }
-                    self.hits[ray].push(Pierced {
-                        photon: index,
-                        t: t[lane],
-                        d2: d2[lane],
-                        weight,
-                    });
                 }
+                self.hits[lane].push(Pierced {
+                    photon: index,
+                    t: t[lane],
+                    d2: d2[lane],
+                    weight,
+                });
             }
         }
     }
