@@ -26,7 +26,7 @@ pub struct Knot {
 pub struct Cubic {
     /// Where it begins. \[m\]
     pub t: f32,
-    /// One over its length; 0 between knots that share t. \[1/m\]
+    /// One over its length; 0 between knots that share t, or all but do. \[1/m\]
     per_length: f32,
     /// Depth at its begin. \[m\]
     depth: f32,
@@ -63,7 +63,11 @@ impl Cubic {
         let cubic = start + end - 2.0 * rise;
         Self {
             t: a.t,
-            per_length: if length > 0.0 { 1.0 / length } else { 0.0 },
+            per_length: if length > f32::MIN_POSITIVE {
+                1.0 / length
+            } else {
+                0.0
+            },
             depth: a.depth,
             start,
             square: rise - start - cubic,
@@ -73,10 +77,10 @@ impl Cubic {
         }
     }
 
-    /// Share of the way from begin to end at t.
+    /// Share of the way from begin to end at t, which may be infinite.
     #[inline]
     fn share(&self, t: f32) -> f32 {
-        ((t - self.t) * self.per_length).clamp(0.0, 1.0)
+        ((t.min(self.end) - self.t) * self.per_length).clamp(0.0, 1.0)
     }
 
     /// Depth at a share of the way. Kept between those of the knots: the cubic may swing out where
@@ -115,7 +119,7 @@ impl Cubic {
         }
     }
 
-    /// [`Self::depth`] and [`Self::density`] of eight, each at its own t.
+    /// [`Self::depth`] and [`Self::density`] of eight, each at its own finite t.
     #[inline]
     #[must_use]
     pub fn read(cubics: [&Self; 8], t: f32x8) -> [f32x8; 2] {
@@ -215,3 +219,48 @@ pub(crate) fn invert(
 /// Steps of an inversion. Fewer: the first mean free path of a cell of a million is missed by more
 /// than f32 resolves; more: time where rounding keeps the tolerance from being met.
 const MOST_STEPS: u32 = 96;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of any length down to none, at places inside, at the ends and infinitely far: depths between
+    /// those of the knots, densities that are finite and 0 beyond, and eight at a time the same.
+    #[test]
+    fn readings_are_within_the_knots() {
+        for length in [0.0, 1e-40, 1e-38, 1e-6, 1.0, 1e30] {
+            for begin in [0.0, 1.0] {
+                let a = Knot {
+                    t: begin,
+                    depth: 2.0,
+                    density: 3.0,
+                };
+                let b = Knot {
+                    t: begin + length,
+                    depth: 2.0 + length,
+                    density: 0.5,
+                };
+                let cubic = Cubic::between(a, b);
+                let middle = 0.5 * length + begin;
+                for t in [0.0, begin, middle, b.t, 5.0, f32::MAX, f32::INFINITY] {
+                    let (depth, density) = (cubic.depth(t), cubic.density(t));
+                    assert!(
+                        (a.depth..=b.depth).contains(&depth) && density.is_finite(),
+                        "{a:?} {b:?} at {t}: {depth}, {density}"
+                    );
+                    let beyond = t < a.t || t > b.t;
+                    assert!(!beyond || density == 0.0, "{density} beyond {b:?}");
+                    if t.is_finite() {
+                        let [depths, densities] = Cubic::read([&cubic; 8], f32x8::splat(t));
+                        let [d8, rho8] = [depths, densities].map(|v| v.to_array()[7]);
+                        assert!((d8 - depth).abs() <= 1e-6 * depth, "{d8} for {depth}");
+                        assert!(
+                            (rho8 - density).abs() <= 1e-5 * a.density,
+                            "{rho8} for {density}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+}
