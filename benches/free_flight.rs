@@ -23,7 +23,7 @@ use volumes::{files, load, timed};
 
 const PATHS: usize = 2000;
 const MOST_TURNS: usize = 64;
-const ROUNDS: usize = 5;
+const ROUNDS: usize = 25;
 
 /// Where photons fly from, flown once.
 fn starts(medium: &Medium<f32>, first: &[Ray]) -> Vec<Ray> {
