@@ -17,7 +17,8 @@ use rayon::prelude::*;
 use super::fields::{direction, generated, ray_through, rng, trilinear, unit};
 use super::{SelftestError, Suite, Worst};
 use crate::grid::Grid;
-use crate::grid::majorant::{MajorantGrid, MajorantSegment};
+use crate::grid::majorant::MajorantGrid;
+use crate::grid::segments::MajorantSegment;
 use crate::grid::walk::{Piece, integral, walk};
 use crate::ray::Ray;
 use crate::rng::Rng;
@@ -159,15 +160,25 @@ impl Way<'_> {
     /// Segments tile what of [t0, t1] lies in the support, each beginning at the very number where
     /// the last one ended, and are no more than the bricks that a line can cross.
     fn check_segments(&self, random: &mut Rng, found: &mut Found) {
+        let bricks = self.grid.dims().as_ivec3() * 16;
+        let most = 3 * bricks.element_sum() as usize;
+        let (majorants, ray) = (self.majorants, &self.ray);
+        let all = majorants.segments(ray, self.t0, self.t1).take(most + 1);
+        self.check_tiling(&all.collect::<Vec<_>>(), most, random, found);
+        let loose = majorants.flight(ray, None, [self.t0, self.t1]);
+        let loose: Vec<_> = loose.take(most + 1).collect();
+        self.check_tiling(&loose, most, random, found);
+    }
+
+    fn check_tiling(
+        &self,
+        segments: &[MajorantSegment],
+        most: usize,
+        random: &mut Rng,
+        found: &mut Found,
+    ) {
         let (grid, ray) = (self.grid, &self.ray);
         let context = || self.tell();
-        let bricks = grid.dims().as_ivec3() * 16;
-        let most = 3 * bricks.element_sum() as usize;
-        let segments: Vec<MajorantSegment> = self
-            .majorants
-            .segments(ray, self.t0, self.t1)
-            .take(most + 1)
-            .collect();
         found.fault(segments.len() > most, "no end", &context);
         let clipped = grid.support().clip(ray, self.t0, self.t1);
         let Some((enter, exit)) = clipped else {
@@ -183,7 +194,7 @@ impl Way<'_> {
         for pair in segments.windows(2) {
             found.fault(pair[0].t_max != pair[1].t_min, "gap", &context);
         }
-        for s in &segments {
+        for s in segments {
             found.fault(s.t_min > s.t_max, "backwards", &context);
             let u = random.uniform_f64();
             let t = f64::from(s.t_min) + u * (f64::from(s.t_max) - f64::from(s.t_min));
