@@ -32,7 +32,7 @@ const COLLISION: f64 = 0.4;
 const LOOKUP: f64 = 0.6;
 /// Time of a step through a boxed brick over that of another. Larger: more null collisions in empty
 /// corners; smaller: more steps through bricks that hardly matter.
-const BOXED_STEP: f64 = 1.7;
+const BOXED_STEP: f64 = 1.4;
 
 /// Which cells the bounds are kept for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

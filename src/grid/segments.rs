@@ -63,8 +63,9 @@ impl MajorantGrid {
         self.set_out(ray, None, [t0, t1])
     }
 
-    /// Those for null collisions: without the boxes that cost more than they save. `place` is that
-    /// of the point at t0, if it is in a room.
+    /// Those for null collisions: a boxed brick is one segment, whole if its box costs more than it
+    /// saves, else what is in the box; between segments there is nothing. `place` is that of the
+    /// point at t0, if it is in a room.
     #[inline]
     pub(crate) fn flight(
         &self,
@@ -76,12 +77,12 @@ impl MajorantGrid {
     }
 
     #[inline(always)]
-    fn set_out<const EVERY_BOX: bool>(
+    fn set_out<const TILES: bool>(
         &self,
         ray: &Ray,
         place: Option<Lodging>,
         [t0, t1]: [f32; 2],
-    ) -> Segments<'_, EVERY_BOX> {
+    ) -> Segments<'_, TILES> {
         let (origin, direction) = (four(ray.origin), four(ray.direction));
         // 0 for what never reaches a face within any finite t; the fourth lane is such an axis.
         let reaches = direction.abs().simd_ge(f32x4::splat(f32::MIN_POSITIVE));
@@ -173,9 +174,9 @@ impl Room {
 }
 
 /// Iterator over the [`MajorantSegment`]s of a ray; all axes are stepped at a time and by masks,
-/// since which one it is cannot be guessed. Of boxed bricks' boxes either all count, or tight ones.
+/// since which one it is cannot be guessed. They tile the ray, or leave out what is empty of bricks.
 #[derive(Debug, Clone)]
-pub struct Segments<'a, const EVERY_BOX: bool> {
+pub struct Segments<'a, const TILES: bool> {
     grid: &'a MajorantGrid,
     origin: f32x4,
     direction: f32x4,
@@ -198,7 +199,7 @@ pub struct Segments<'a, const EVERY_BOX: bool> {
     entry: Cell,
 }
 
-impl<const EVERY_BOX: bool> Segments<'_, EVERY_BOX> {
+impl<const TILES: bool> Segments<'_, TILES> {
     /// The point at t.
     #[inline]
     fn at(&self, t: f32) -> f32x4 {
@@ -245,7 +246,7 @@ impl<const EVERY_BOX: bool> Segments<'_, EVERY_BOX> {
     }
 }
 
-impl<const EVERY_BOX: bool> Iterator for Segments<'_, EVERY_BOX> {
+impl<const TILES: bool> Iterator for Segments<'_, TILES> {
     type Item = MajorantSegment;
 
     #[inline(always)]
@@ -266,13 +267,14 @@ impl<const EVERY_BOX: bool> Iterator for Segments<'_, EVERY_BOX> {
         let meets = self.moves.bitselect(meets, infinity);
         let [x, y, z, _] = meets.to_array();
         let exit = least(least(x, y), z);
+        let end = least(most(exit, self.t), self.t_end);
         let mut segment = MajorantSegment {
             t_min: self.t,
-            t_max: least(most(exit, self.t), self.t_end),
+            t_max: end,
             majorant: cell.majorant,
             minorant: cell.minorant,
         };
-        if cell.is_tight() || EVERY_BOX && cell.is_boxed() {
+        if TILES && cell.is_boxed() {
             let (enter, leave) = self.crossing_filled(low << 3, cell);
             if enter < leave && self.t < enter && enter < segment.t_max {
                 segment.t_max = enter;
@@ -288,8 +290,16 @@ impl<const EVERY_BOX: bool> Iterator for Segments<'_, EVERY_BOX> {
                 self.cell = Some(cell);
                 return Some(segment);
             }
+        } else if !TILES && cell.is_tight() {
+            let (enter, leave) = self.crossing_filled(low << 3, cell);
+            let (from, to) = (most(enter, self.t), least(leave, end));
+            if from < to {
+                (segment.t_min, segment.t_max) = (from, to);
+            } else {
+                (segment.minorant, segment.majorant) = (0.0, 0.0);
+            }
         }
-        self.t = segment.t_max;
+        self.t = end;
         if exit == f32::INFINITY {
             self.t = self.t_end;
             return Some(segment);

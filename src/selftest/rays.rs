@@ -160,25 +160,15 @@ impl Way<'_> {
     /// Segments tile what of [t0, t1] lies in the support, each beginning at the very number where
     /// the last one ended, and are no more than the bricks that a line can cross.
     fn check_segments(&self, random: &mut Rng, found: &mut Found) {
-        let bricks = self.grid.dims().as_ivec3() * 16;
-        let most = 3 * bricks.element_sum() as usize;
-        let (majorants, ray) = (self.majorants, &self.ray);
-        let all = majorants.segments(ray, self.t0, self.t1).take(most + 1);
-        self.check_tiling(&all.collect::<Vec<_>>(), most, random, found);
-        let loose = majorants.flight(ray, None, [self.t0, self.t1]);
-        let loose: Vec<_> = loose.take(most + 1).collect();
-        self.check_tiling(&loose, most, random, found);
-    }
-
-    fn check_tiling(
-        &self,
-        segments: &[MajorantSegment],
-        most: usize,
-        random: &mut Rng,
-        found: &mut Found,
-    ) {
         let (grid, ray) = (self.grid, &self.ray);
         let context = || self.tell();
+        let bricks = grid.dims().as_ivec3() * 16;
+        let most = 3 * bricks.element_sum() as usize;
+        let segments: Vec<MajorantSegment> = self
+            .majorants
+            .segments(ray, self.t0, self.t1)
+            .take(most + 1)
+            .collect();
         found.fault(segments.len() > most, "no end", &context);
         let clipped = grid.support().clip(ray, self.t0, self.t1);
         let Some((enter, exit)) = clipped else {
@@ -194,6 +184,44 @@ impl Way<'_> {
         for pair in segments.windows(2) {
             found.fault(pair[0].t_max != pair[1].t_min, "gap", &context);
         }
+        self.check_bounds(&segments, random, found);
+        self.check_flight([enter, exit], most, random, found);
+    }
+
+    /// The segments of a flight come in order, and where there is none the field is 0.
+    fn check_flight(
+        &self,
+        [enter, exit]: [f32; 2],
+        most: usize,
+        random: &mut Rng,
+        found: &mut Found,
+    ) {
+        let context = || self.tell();
+        let segments: Vec<MajorantSegment> = self
+            .majorants
+            .flight(&self.ray, None, [self.t0, self.t1])
+            .take(most + 1)
+            .collect();
+        found.fault(segments.len() > most, "no end of a flight", &context);
+        let mut end = enter;
+        for s in &segments {
+            found.fault(s.t_min < end, "flight overlaps", &context);
+            if s.t_min > end {
+                self.check_zero(end, s.t_min, random, found);
+            }
+            end = s.t_max;
+        }
+        found.fault(end > exit, "flight beyond the end", &context);
+        if end < exit {
+            self.check_zero(end, exit, random, found);
+        }
+        self.check_bounds(&segments, random, found);
+    }
+
+    /// The field is within the bounds of segments.
+    fn check_bounds(&self, segments: &[MajorantSegment], random: &mut Rng, found: &mut Found) {
+        let (grid, ray) = (self.grid, &self.ray);
+        let context = || self.tell();
         for s in segments {
             found.fault(s.t_min > s.t_max, "backwards", &context);
             let u = random.uniform_f64();
