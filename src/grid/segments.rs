@@ -293,7 +293,7 @@ impl<const TILES: bool> Iterator for Segments<'_, TILES> {
         } else if !TILES && cell.is_tight() {
             let (enter, leave) = self.crossing_filled(low << 3, cell);
             let (from, to) = (most(enter, self.t), least(leave, end));
-            if from < to {
+            if from <= to {
                 (segment.t_min, segment.t_max) = (from, to);
             } else {
                 (segment.minorant, segment.majorant) = (0.0, 0.0);
