@@ -12,6 +12,8 @@
 mod media;
 mod volumes;
 
+use std::sync::Arc;
+
 use vpm_vdb::medium::Medium;
 use vpm_vdb::ray::Ray;
 use vpm_vdb::rng::{Rng, Stage};
@@ -23,7 +25,7 @@ use volumes::{files, load, timed};
 
 const PATHS: usize = 2000;
 const MOST_TURNS: usize = 64;
-const ROUNDS: usize = 5;
+const ROUNDS: usize = 25;
 
 /// Where photons fly from, flown once.
 fn starts(medium: &Medium<f32>, first: &[Ray]) -> Vec<Ray> {
@@ -54,6 +56,7 @@ fn main() {
     );
     for file in files() {
         let (name, grid) = load(&file);
+        let grid = Arc::new(grid);
         let sigma_t = extinction(&grid);
         let media = MERGINGS.map(|(_, merging)| medium(&grid, sigma_t, merging));
         let mut random = Rng::stream(1, Stage::Check, 0, 0);

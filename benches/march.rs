@@ -15,6 +15,8 @@ mod media;
 mod volumes;
 
 use glam::Vec3;
+use std::sync::Arc;
+
 use vpm_vdb::grid::Grid;
 use vpm_vdb::grid::majorant::MajorantGrid;
 use vpm_vdb::grid::walk::{integral, walk};
@@ -45,6 +47,7 @@ fn main() {
     );
     for file in files() {
         let (name, grid) = load(&file);
+        let grid = Arc::new(grid);
         let sigma_t = extinction(&grid);
         let majorants = MajorantGrid::new(&grid, sigma_t, 1.0);
         let mut random = Rng::stream(1, Stage::Check, 0, 0);

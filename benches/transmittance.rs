@@ -14,6 +14,8 @@
 mod media;
 mod volumes;
 
+use std::sync::Arc;
+
 use vpm_vdb::march;
 use vpm_vdb::medium::{Field, Medium};
 use vpm_vdb::ray::Ray;
@@ -63,6 +65,7 @@ fn main() {
     );
     for file in files() {
         let (name, grid) = load(&file);
+        let grid = Arc::new(grid);
         let sigma_t = extinction(&grid);
         let mut random = Rng::stream(1, Stage::Check, 0, 0);
         let rays: Vec<(Ray, f64)> = (0..RAYS)

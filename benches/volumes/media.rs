@@ -1,5 +1,7 @@
 //! Media of the volumes, with bounds in one kind of cells or another.
 
+use std::sync::Arc;
+
 use glam::{DAffine3, DVec3, Vec3};
 use vpm_vdb::grid::Grid;
 use vpm_vdb::grid::majorant::MajorantGrid;
@@ -33,10 +35,11 @@ pub(crate) fn extinction(grid: &Grid) -> f32 {
     THICKNESS / depth as f32
 }
 
-/// A medium in the grid's own voxels, with bounds in these cells.
-pub(crate) fn medium(grid: &Grid, sigma_t: f32, merging: Merging) -> Medium<f32> {
+/// A medium in the grid's own voxels, with bounds in these cells. All share the grid: copies would
+/// drive each other out of the cache.
+pub(crate) fn medium(grid: &Arc<Grid>, sigma_t: f32, merging: Merging) -> Medium<f32> {
     let to_local = DAffine3::IDENTITY;
-    let mut field = GridField::new(grid.clone(), &to_local, DVec3::ZERO, sigma_t);
+    let mut field = GridField::new(Arc::clone(grid), &to_local, DVec3::ZERO, sigma_t);
     field.placement = Placement::IDENTITY;
     field.majorants = MajorantGrid::with(grid, sigma_t, 1.0, merging);
     Medium {

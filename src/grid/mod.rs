@@ -29,6 +29,7 @@ pub mod majorant;
 pub mod merge;
 mod place;
 pub mod plateau;
+pub mod segments;
 mod values;
 pub mod walk;
 
@@ -162,7 +163,7 @@ impl Grid {
     /// The value at one corner of p's cell, chosen with the probability of its trilinear weight:
     /// in expectation the field at p, for one fetch instead of eight (Hofmann et al. 2021).
     /// Only for estimators linear in the field. `u` holds three uniforms.
-    #[inline]
+    #[inline(always)]
     #[must_use]
     pub fn lookup_one_tap(&self, p: Vec3, u: Vec3) -> f32 {
         let (cell, f) = cell_and_fraction(p);

@@ -17,7 +17,8 @@ use rayon::prelude::*;
 use super::fields::{direction, generated, ray_through, rng, trilinear, unit};
 use super::{SelftestError, Suite, Worst};
 use crate::grid::Grid;
-use crate::grid::majorant::{MajorantGrid, MajorantSegment};
+use crate::grid::majorant::MajorantGrid;
+use crate::grid::segments::MajorantSegment;
 use crate::grid::walk::{Piece, integral, walk};
 use crate::ray::Ray;
 use crate::rng::Rng;
@@ -183,7 +184,45 @@ impl Way<'_> {
         for pair in segments.windows(2) {
             found.fault(pair[0].t_max != pair[1].t_min, "gap", &context);
         }
+        self.check_bounds(&segments, random, found);
+        self.check_flight([enter, exit], most, random, found);
+    }
+
+    /// The segments of a flight come in order, and where there is none the field is 0.
+    fn check_flight(
+        &self,
+        [enter, exit]: [f32; 2],
+        most: usize,
+        random: &mut Rng,
+        found: &mut Found,
+    ) {
+        let context = || self.tell();
+        let segments: Vec<MajorantSegment> = self
+            .majorants
+            .flight(&self.ray, None, [self.t0, self.t1])
+            .take(most + 1)
+            .collect();
+        found.fault(segments.len() > most, "no end of a flight", &context);
+        let mut end = enter;
         for s in &segments {
+            found.fault(s.t_min < end, "flight overlaps", &context);
+            if s.t_min > end {
+                self.check_zero(end, s.t_min, random, found);
+            }
+            end = s.t_max;
+        }
+        found.fault(end > exit, "flight beyond the end", &context);
+        if end < exit {
+            self.check_zero(end, exit, random, found);
+        }
+        self.check_bounds(&segments, random, found);
+    }
+
+    /// The field is within the bounds of segments.
+    fn check_bounds(&self, segments: &[MajorantSegment], random: &mut Rng, found: &mut Found) {
+        let (grid, ray) = (self.grid, &self.ray);
+        let context = || self.tell();
+        for s in segments {
             found.fault(s.t_min > s.t_max, "backwards", &context);
             let u = random.uniform_f64();
             let t = f64::from(s.t_min) + u * (f64::from(s.t_max) - f64::from(s.t_min));

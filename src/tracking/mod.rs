@@ -21,16 +21,20 @@
 
 mod counters;
 mod dense;
+mod flight;
 mod hero;
 
 pub use counters::{Counters, EFFECTS, EffectCounts, Sampler};
 pub use hero::Hero;
 
 use glam::Vec3;
+use wide::f32x4;
 
 use dense::{Collide, Dense};
+use flight::grid_flight;
 use hero::{Passed, coloured};
 
+use crate::grid::segments::four;
 use crate::medium::{Field, GridField, Medium, PlateauField};
 use crate::ray::{Bounds, Ray};
 use crate::spectrum::Spectrum;
@@ -123,7 +127,24 @@ fn constant_flight<S: Spectrum>(
     (t < t1).then_some(t)
 }
 
+/// The first collision with a homogeneous medium.
+#[inline(never)]
+fn box_flight<S: Spectrum>(
+    sigma_t: S,
+    bounds: Option<&Bounds>,
+    ray: &Ray,
+    t_max: f32,
+    hero: &mut Hero<S>,
+    sampler: &mut Sampler,
+) -> Option<f32> {
+    let span = Bounds::clip_if(bounds, ray, t_max)?;
+    let distance = sampler.rng.exponential() / sigma_t.channel(hero.channel);
+    constant_flight(sigma_t, distance, span, hero)
+}
+
 /// The first collision with one medium.
+///
+/// By functions of their own: what one kind of field makes of a ray would be computed for all.
 #[inline]
 fn flight_in<S: Spectrum>(
     medium: &Medium<S>,
@@ -134,10 +155,7 @@ fn flight_in<S: Spectrum>(
 ) -> Option<f32> {
     match &medium.field {
         Field::Constant { bounds } => {
-            let (t0, t1) = Bounds::clip_if(bounds.as_ref(), ray, t_max)?;
-            let sigma = medium.sigma_t.channel(hero.channel);
-            let distance = sampler.rng.exponential() / sigma;
-            constant_flight(medium.sigma_t, distance, (t0, t1), hero)
+            box_flight(medium.sigma_t, bounds.as_ref(), ray, t_max, hero, sampler)
         }
         Field::Grid(field) => grid_flight(medium.sigma_t, field, ray, t_max, hero, sampler),
         Field::Plateau(field) => plateau_flight(medium.sigma_t, field, ray, t_max, hero, sampler),
@@ -146,6 +164,7 @@ fn flight_in<S: Spectrum>(
 
 /// Delta tracking over a plateau, whose one majorant is its value: in its core every collision of a
 /// grey medium is real, so that the first one is the closed form.
+#[inline(never)]
 fn plateau_flight<S: Spectrum>(
     sigma_t: S,
     field: &PlateauField,
@@ -194,67 +213,13 @@ fn plateau_flight<S: Spectrum>(
     }
 }
 
-/// Delta tracking through the local majorants of a grid.
-fn grid_flight<S: Spectrum>(
-    sigma_t: S,
-    field: &GridField,
-    ray: &Ray,
-    t_max: f32,
-    hero: &mut Hero<S>,
-    sampler: &mut Sampler,
-) -> Option<f32> {
-    let local = field.placement.local_ray(ray);
-    let highest = sigma_t.max_channel();
-    // Density, in units of the highest channel, that collides for the hero.
-    let share = sigma_t.channel(hero.channel) / highest;
-    let coloured = coloured(sigma_t);
-    let mut budget = sampler.rng.exponential();
-    let dense = Dense::new(field, ray, &local);
-    for segment in field.majorants.segments(&local, 0.0, t_max) {
-        let sigma_maj = highest * segment.majorant;
-        if dense.is(sigma_maj) {
-            // What is left of an exponential budget is one, for real collisions as for null ones.
-            let range = (segment.t_min, segment.t_max);
-            let (found, lookups) = dense.flight(range, sigma_t, &mut budget, hero);
-            sampler.counters.density_lookups += lookups;
-            if found.is_some() {
-                return found;
-            }
-            continue;
-        }
-        let mut t = segment.t_min;
-        loop {
-            let reach = (segment.t_max - t) * sigma_maj;
-            if budget >= reach {
-                budget -= reach;
-                break;
-            }
-            t += budget / sigma_maj;
-            budget = sampler.rng.exponential();
-            let bar = sampler.uniform() * segment.majorant;
-            if bar < share * segment.minorant {
-                return Some(t);
-            }
-            let density = one_tap(field, &local, t, sampler);
-            if bar < share * density {
-                return Some(t);
-            }
-            if coloured {
-                // Not below 0: where the density is the majorant, rounding decides the sign.
-                let density = sigma_t.map(|k| k.mul_add(-density, sigma_maj).max(0.0));
-                hero.passed.push(Passed::Null { t, density });
-            }
-        }
-    }
-    None
-}
-
-/// One stochastic tap of the field.
+/// One stochastic tap of the field at a local point.
 #[inline]
-fn one_tap(field: &GridField, local: &Ray, t: f32, sampler: &mut Sampler) -> f32 {
+fn one_tap(field: &GridField, p: f32x4, sampler: &mut Sampler) -> f32 {
     sampler.counters.density_lookups += 1;
-    let u = Vec3::new(sampler.uniform(), sampler.uniform(), sampler.uniform());
-    field.grid.lookup_one_tap(local.at(t), u)
+    let [x, y, z, _] = p.to_array();
+    let u = Vec3::from(sampler.rng.uniform3());
+    field.grid.lookup_one_tap(Vec3::new(x, y, z), u)
 }
 
 /// An unbiased estimate of the transmittance of [0, t_max], within [0, 1] in every channel.
@@ -304,7 +269,7 @@ fn ratio_tracking<S: Spectrum>(
     let mut control = 0.0;
     let mut budget = sampler.rng.exponential();
     let dense = Dense::new(field, ray, &local);
-    for segment in field.majorants.segments(&local, 0.0, t_max) {
+    for segment in field.majorants.flight(&local, None, [0.0, t_max]) {
         if dense.is(highest * segment.majorant) {
             let (depth, lookups) = dense.depth(segment.t_min, segment.t_max);
             sampler.counters.density_lookups += lookups;
@@ -324,7 +289,7 @@ fn ratio_tracking<S: Spectrum>(
             }
             t += budget / sigma_maj;
             budget = sampler.rng.exponential();
-            let residual = one_tap(field, &local, t, sampler) - segment.minorant;
+            let residual = one_tap(field, four(local.at(t)), sampler) - segment.minorant;
             tr *= sigma_t.map(|k| (k / highest).mul_add(-(residual / range), 1.0).max(0.0));
             let most = (tr * sigma_t.map(|k| (-k * control).exp())).max_channel();
             if most < ROULETTE_BELOW {
