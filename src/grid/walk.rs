@@ -17,7 +17,9 @@
 use wide::f64x4;
 
 use super::majorant::MajorantGrid;
-use super::{BRICK, Corners, Grid};
+use super::place::Spot;
+use super::values::Values;
+use super::{BRICK, Bends, Corners, Grid, TOP_LOG2};
 use crate::ray::{ExactRay, reciprocal};
 
 /// A piece of a ray on which the field is a cubic in t.
@@ -73,6 +75,7 @@ pub fn walk(
     let mut pieces = Pieces {
         line: Line::new(ray),
         visit,
+        constant: (0.0, 0.0, 0.0),
         last: (f64::NAN, 0.0),
         sliver: 0.0,
         lookups: 0,
@@ -102,6 +105,7 @@ pub fn integral(
 ) -> (f64, u64) {
     let mut depth = Depth {
         line: Line::new(ray),
+        bends: Bends::new(ray.direction),
         integral: 0.0,
         enough,
         lookups: 0,
@@ -114,13 +118,23 @@ pub fn integral(
 trait Crossed {
     /// The ray as it was taken in.
     fn line(&self) -> &Line;
-    /// A stretch of one value that is not 0.
+    /// A stretch of one value.
     fn constant(&mut self, from: f64, to: f64, value: f32) -> bool;
-    /// A cell by its corners.
-    fn cell(&mut self, cell: &Crossing, corners: &Corners) -> bool;
+    /// Cells in order.
+    fn cells(&mut self, values: &Values, cells: &[Crossing]) -> bool;
+    /// The end.
+    fn end(&mut self);
 }
 
+/// Cells that are found before the first of them is fetched, to begin with and at most: twice as
+/// many each time. A ray that ends early has found as many in vain. More at a time: no more
+/// fetches overlap, and a short ray pays for the room.
+const AHEAD: [usize; 2] = [8, 32];
+
 /// Shows the field along a ray to `crossed`.
+///
+/// Cells are found ahead of their values. Where a segment ends is guessed wrongly once for each
+/// of them, and a wrong guess must not wait for memory: what is fetched in one go overlaps.
 #[inline(always)]
 fn cross(
     grid: &Grid,
@@ -130,43 +144,50 @@ fn cross(
     crossed: &mut impl Crossed,
 ) {
     let line = *crossed.line();
+    // More than any ray crosses.
+    let most = 3.0 * f64::from(grid.dims.max_element()) * f64::from(1 << TOP_LOG2);
+    let [mut room, highest] = AHEAD;
+    let mut ahead = [Crossing::NONE; AHEAD[1]];
+    let mut found = 0;
+    let mut at = [i32::MIN; 3];
+    let mut brick = grid.place(at).open(grid.constants);
     for segment in majorants.segments(&ray.rounded(), t0, t1) {
         if segment.majorant == 0.0 && segment.minorant == 0.0 || segment.t_max <= segment.t_min {
             continue;
         }
         let [from, to] = [segment.t_min, segment.t_max].map(f64::from);
         if segment.majorant == segment.minorant {
-            if !crossed.constant(from, to, segment.majorant) {
+            if !crossed.cells(&grid.values, &ahead[..found])
+                || !crossed.constant(from, to, segment.majorant)
+            {
                 return;
             }
+            found = 0;
             continue;
         }
-        let mut cells = Cells::new(&line, from, to);
-        let mut next = cells.next();
-        while let Some(first) = next {
-            let place = grid.place(first.cell);
-            if place.is_constant() {
-                let mut to = first.to;
-                next = cells.next();
-                while let Some(cell) = next.filter(|cell| cell.shares_brick(&first)) {
-                    to = cell.to;
-                    next = cells.next();
-                }
-                let value = grid.values.at(place.start());
-                if value != 0.0 && !crossed.constant(first.from, to, value) {
-                    return;
-                }
-                continue;
+        let mut cells = Cells::new(&line, from, to, most);
+        while let Some((cell, crossing)) = cells.next() {
+            let other = |(a, b): (&i32, &i32)| a ^ b;
+            if at.iter().zip(&cell).map(other).fold(0, |all, a| all | a) & -BRICK != 0 {
+                at = cell;
+                brick = grid.place(cell).open(grid.constants);
             }
-            while let Some(cell) = next.filter(|cell| cell.shares_brick(&first)) {
-                let spot = place.spot(cell.cell, grid.constants);
-                let corners = grid.values.corners(spot);
-                next = cells.next();
-                if !crossed.cell(&cell, &corners) {
+            ahead[found] = Crossing {
+                spot: brick.spot(cell),
+                ..crossing
+            };
+            found += 1;
+            if found == room {
+                if !crossed.cells(&grid.values, &ahead[..found]) {
                     return;
                 }
+                found = 0;
+                room = highest.min(2 * room);
             }
         }
+    }
+    if crossed.cells(&grid.values, &ahead[..found]) {
+        crossed.end();
     }
 }
 
@@ -174,6 +195,8 @@ fn cross(
 struct Pieces<V> {
     line: Line,
     visit: V,
+    /// A stretch of one value, which may go on.
+    constant: (f64, f64, f32),
     /// Where the last cell ended, and the value there: the field is continuous, so the next one
     /// begins with it.
     last: (f64, f64),
@@ -182,23 +205,7 @@ struct Pieces<V> {
     lookups: u64,
 }
 
-impl<V: FnMut(Piece) -> bool> Crossed for Pieces<V> {
-    #[inline(always)]
-    fn line(&self) -> &Line {
-        &self.line
-    }
-
-    #[inline(always)]
-    fn constant(&mut self, from: f64, to: f64, value: f32) -> bool {
-        let piece = Piece {
-            t_min: from as f32,
-            t_max: to as f32,
-            density: [value; 3],
-            integral: f64::from(value) * (to - from),
-        };
-        piece.t_min >= piece.t_max || (self.visit)(piece)
-    }
-
+impl<V: FnMut(Piece) -> bool> Pieces<V> {
     #[inline(always)]
     fn cell(&mut self, cell: &Crossing, corners: &Corners) -> bool {
         let at = |t: f64| corners.at_exactly(self.line.inside(cell.low, t));
@@ -222,11 +229,64 @@ impl<V: FnMut(Piece) -> bool> Crossed for Pieces<V> {
         self.sliver = 0.0;
         piece.integral == 0.0 || (self.visit)(piece)
     }
+
+    /// The stretch of one value as a piece.
+    #[inline]
+    fn stretch(&mut self) -> bool {
+        let (from, to, value) = std::mem::take(&mut self.constant);
+        let piece = Piece {
+            t_min: from as f32,
+            t_max: to as f32,
+            density: [value; 3],
+            integral: f64::from(value) * (to - from),
+        };
+        value == 0.0 || piece.t_min >= piece.t_max || (self.visit)(piece)
+    }
+}
+
+impl<V: FnMut(Piece) -> bool> Crossed for Pieces<V> {
+    #[inline(always)]
+    fn line(&self) -> &Line {
+        &self.line
+    }
+
+    #[inline(always)]
+    fn constant(&mut self, from: f64, to: f64, value: f32) -> bool {
+        let (begin, end, before) = self.constant;
+        if end == from && before == value {
+            self.constant = (begin, to, value);
+            return true;
+        }
+        let go_on = self.stretch();
+        self.constant = (from, to, value);
+        go_on
+    }
+
+    #[inline(always)]
+    fn cells(&mut self, values: &Values, cells: &[Crossing]) -> bool {
+        for cell in cells {
+            let go_on = if cell.spot.is_constant() {
+                self.constant(cell.from, cell.to, values.at(cell.spot.start))
+            } else {
+                self.stretch() && self.cell(cell, &values.corners(cell.spot))
+            };
+            if !go_on {
+                return false;
+            }
+        }
+        true
+    }
+
+    #[inline(always)]
+    fn end(&mut self) {
+        self.stretch();
+    }
 }
 
 /// Adds up.
 struct Depth {
     line: Line,
+    bends: Bends,
     integral: f64,
     enough: f64,
     lookups: u64,
@@ -245,14 +305,23 @@ impl Crossed for Depth {
     }
 
     #[inline(always)]
-    fn cell(&mut self, cell: &Crossing, corners: &Corners) -> bool {
-        let length = cell.to - cell.from;
-        let middle = self.line.inside(cell.low, 0.5 * (cell.from + cell.to));
-        let chord = self.line.direction * f64x4::splat(length);
-        self.integral += length * corners.mean_along(middle, chord);
-        self.lookups += 1;
+    fn cells(&mut self, values: &Values, cells: &[Crossing]) -> bool {
+        let mut sum = f64x4::ZERO;
+        for cell in cells {
+            let length = cell.to - cell.from;
+            let middle = self.line.inside(cell.low, 0.5 * (cell.from + cell.to));
+            let corners = values.corners(cell.spot);
+            let mean = corners.mean_along(middle, length * length, &self.bends);
+            sum = mean.mul_add(f64x4::splat(length), sum);
+            self.lookups += u64::from(!cell.spot.is_constant());
+        }
+        let [a, b, c, d] = sum.to_array();
+        self.integral += (a + c) + (b + d);
         self.integral < self.enough
     }
+
+    #[inline(always)]
+    fn end(&mut self) {}
 }
 
 /// Integral of a cubic over a length, by its values at begin, middle and end.
@@ -268,37 +337,41 @@ struct Line {
     direction: f64x4,
     /// One over the direction; 0 where no face is ever reached.
     inverse: f64x4,
+    /// From face to face.
+    between: f64x4,
     /// Set where faces are reached.
     moves: f64x4,
     /// From cell to cell.
     step: f64x4,
     /// From a cell's lowest voxel to the face that the ray leaves by.
     ahead: f64x4,
-    /// The same steps as integers.
-    steps: [i32; 3],
+    /// The steps along the axes of each mask.
+    steps: [[i32; 3]; 8],
 }
 
 /// A cell on a ray.
 #[derive(Clone, Copy)]
 struct Crossing {
     /// Its lowest voxel.
-    cell: [i32; 3],
     low: f64x4,
     /// Where the ray enters and leaves it.
     from: f64,
     to: f64,
+    /// Where its corners are.
+    spot: Spot,
 }
 
 impl Crossing {
-    /// True if both cells are in one brick.
-    #[inline]
-    fn shares_brick(&self, other: &Self) -> bool {
-        let ([a, b, c], [x, y, z]) = (self.cell, other.cell);
-        ((a ^ x) | (b ^ y) | (c ^ z)) & -BRICK == 0
-    }
+    const NONE: Self = Self {
+        low: f64x4::ZERO,
+        from: 0.0,
+        to: 0.0,
+        spot: Spot::FIRST,
+    };
 }
 
 impl Line {
+    #[inline]
     fn new(ray: &ExactRay) -> Self {
         let four = |v: [f64; 3]| f64x4::new([v[0], v[1], v[2], 0.0]);
         let reached = reciprocal(ray.direction.as_vec3())
@@ -309,14 +382,18 @@ impl Line {
             four(std::array::from_fn(|a| if reached[a] { f(a) } else { 0.0 }))
         };
         let step = of_axis(&|a| direction[a].signum());
+        let inverse = of_axis(&|a| 1.0 / direction[a]);
+        let [x, y, z, _] = step.to_array().map(|s| s as i32);
+        let bit = |mask: usize, axis: usize, step: i32| (mask >> axis & 1) as i32 * step;
         Self {
             origin: four(ray.origin.to_array()),
             direction: four(direction),
-            inverse: of_axis(&|a| 1.0 / direction[a]),
+            inverse,
+            between: inverse.abs(),
             moves: step.simd_ne(f64x4::ZERO),
             step,
             ahead: step.fast_max(f64x4::ZERO),
-            steps: std::array::from_fn(|a| step.to_array()[a] as i32),
+            steps: std::array::from_fn(|m| [bit(m, 0, x), bit(m, 1, y), bit(m, 2, z)]),
         }
     }
 
@@ -342,77 +419,80 @@ impl Line {
 }
 
 /// The voxel cells that a ray crosses in [t, t_end]; tiles it exactly. All axes are stepped at a
-/// time and by masks: which one it is cannot be guessed.
+/// time and by masks: which one it is cannot be guessed. How many there are is known beforehand
+/// from the first and the last, so that the end of the loop does not wait for the last step.
 struct Cells<'a> {
     line: &'a Line,
     cell: [i32; 3],
-    /// The faces by which the ray leaves the cell.
-    faces: f64x4,
-    /// t at which it meets each.
+    /// The cell's lowest voxel.
+    low: f64x4,
+    /// t at which the ray meets the faces by which it leaves the cell.
     next: f64x4,
     t: f64,
     t_end: f64,
+    /// Cells that are left.
+    left: u32,
 }
 
-/// Faces that rounding may put behind a start: one on each axis, and one to spare.
-const BEHIND: usize = 4;
+/// What may be missing at either end of a segment, over t: its ends are rounded to f32. What is
+/// less is taken as the next cell's: it would be a cell more for each segment, of no length.
+const SLIVER: f64 = f32::EPSILON as f64;
 
 impl<'a> Cells<'a> {
-    #[inline]
-    fn new(line: &'a Line, t: f64, t_end: f64) -> Self {
-        let low = line.at(t).floor();
-        let [x, y, z, _] = low.to_array();
-        let faces = low + line.ahead;
-        let mut this = Self {
+    #[inline(always)]
+    fn new(line: &'a Line, t: f64, t_end: f64, most: f64) -> Self {
+        let middle = 0.5 * (t + t_end);
+        let sliver = SLIVER * t_end;
+        let low = line.at(lesser(t + sliver, middle)).floor();
+        let last = line.at(greater(t_end - sliver, middle)).floor();
+        // One axis at a time; what is stepped along two at once leaves cells of no length.
+        let [x, y, z, _] = ((last - low) * line.step).to_array();
+        let [a, b, c, _] = low.to_array();
+        Self {
             line,
-            cell: [x as i32, y as i32, z as i32],
-            faces,
-            next: line.meets(faces),
+            cell: [a as i32, b as i32, c as i32],
+            low,
+            next: line.meets(low + line.ahead),
             t,
             t_end,
-        };
-        // A start on a face belongs to the cell that the ray goes on into.
-        let now = f64x4::splat(t);
-        for _ in 0..BEHIND {
-            let behind = this.next.simd_le(now);
-            if !behind.any() {
-                return this;
-            }
-            this.step(behind);
-        }
-        // So far away that f64 does not tell the faces apart: they are never met.
-        let behind = this.next.simd_le(now);
-        this.next = behind.bitselect(f64x4::splat(f64::INFINITY), this.next);
-        this
-    }
-
-    /// On to the next cell along the axes of a mask.
-    #[inline]
-    fn step(&mut self, mask: f64x4) {
-        self.faces += mask & self.line.step;
-        self.next = self.line.meets(self.faces);
-        let axes = mask.to_bitmask() as i32;
-        for (a, (cell, step)) in self.cell.iter_mut().zip(self.line.steps).enumerate() {
-            *cell += step & -(axes >> a & 1);
+            left: 1 + lesser(x + y + z, most) as u32,
         }
     }
 
-    /// The next cell.
-    #[inline]
-    fn next(&mut self) -> Option<Crossing> {
-        if self.t >= self.t_end {
-            return None;
-        }
+    /// The next cell, and its lowest voxel.
+    #[inline(always)]
+    fn next(&mut self) -> Option<([i32; 3], Crossing)> {
+        self.left = self.left.checked_sub(1)?;
         let [x, y, z, _] = self.next.to_array();
-        let nearest = x.min(y).min(z);
+        let nearest = lesser(lesser(x, y), z);
+        let to = lesser(greater(nearest, self.t), self.t_end);
+        let cell = self.cell;
         let crossing = Crossing {
-            cell: self.cell,
-            low: self.faces - self.line.ahead,
+            low: self.low,
             from: self.t,
-            to: nearest.clamp(self.t, self.t_end),
+            to: if self.left == 0 { self.t_end } else { to },
+            spot: Spot::FIRST,
         };
-        self.t = crossing.to;
-        self.step(self.next.simd_le(f64x4::splat(nearest)));
-        Some(crossing)
+        self.t = to;
+        let mask = self.next.simd_le(f64x4::splat(nearest));
+        self.next += mask & self.line.between;
+        self.low += mask & self.line.step;
+        let steps = self.line.steps[(mask.to_bitmask() & 7) as usize];
+        for (c, step) in self.cell.iter_mut().zip(steps) {
+            *c = c.wrapping_add(step);
+        }
+        Some((cell, crossing))
     }
+}
+
+/// The lesser of two numbers, in one instruction.
+#[inline(always)]
+fn lesser(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
+}
+
+/// The greater of two numbers, in one instruction.
+#[inline(always)]
+fn greater(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
 }
