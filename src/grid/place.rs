@@ -17,9 +17,10 @@
 
 use glam::IVec3;
 
-/// Where the values of a brick are: 40 bits of `base`, below 0 in the first bricks; three fields of
-/// 4 bits for the lowest corner and three for the last cell of the box from there, and a bit for a
-/// constant.
+/// Where the values of a brick are: 37 bits of `base`, below 0 in the first bricks; three fields of
+/// 4 bits for the lowest corner and three for the last cell of the box from there; a bit for a
+/// constant; and one for each octant of 4^3 cells, set unless all its values are 0. The octants'
+/// are where the others leave room: three behind `base`, five at the heads of fields.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Place(u64);
 
@@ -35,13 +36,6 @@ pub(super) struct Spot {
 }
 
 impl Spot {
-    /// The first value of all, eight times.
-    pub(super) const FIRST: Self = Self {
-        start: 0,
-        row: 0,
-        slab: 0,
-    };
-
     /// True if all eight corners are one value.
     #[inline(always)]
     pub(super) fn is_constant(self) -> bool {
@@ -50,31 +44,45 @@ impl Spot {
 }
 
 /// Bits of the index of corner (0, 0, 0), stored or not, with its sign.
-const BASE_BITS: u32 = 40;
-/// Bit of a constant.
+const BASE_BITS: u32 = 37;
+/// Where the fields begin.
+const FIELDS: u32 = 40;
+/// Bit of a constant: the head of the last field.
 const CONSTANT_BIT: u32 = 63;
-/// Highest bit of each field.
+/// Highest bit of each of three fields.
 const HIGH: u32 = 0x888;
+/// Bits of a place for each octant, in the order of their numbers: x + 2 y + 4 z.
+const OCTANTS: [u32; 8] = [37, 38, 39, 43, 47, 51, 55, 59];
 
 impl Place {
-    /// One more than the last index that a value can have: 2 TiB of 32-bit ones.
+    /// One more than the last index that a value can have: 256 GiB of 32-bit ones.
     pub(super) const END: u64 = 1 << (BASE_BITS - 1);
 
-    /// The values of corners `low` to `low + size`, from index `start` on.
+    /// The values of corners `low` to `low + size`, from index `start` on; which octants are not
+    /// empty, bit by bit.
     #[inline]
-    pub(super) fn new(start: usize, low: IVec3, size: IVec3) -> Self {
+    pub(super) fn new(start: usize, low: IVec3, size: IVec3, octants: u8) -> Self {
         let pack = |v: IVec3| u64::from((v.x << 8 | v.y << 4 | v.z) as u32);
         let last = pack(size - IVec3::splat(2));
         let base = start as i64 - i64::from((low.x * size.y + low.y) * size.z + low.z);
         let base = base as u64 & ((1 << BASE_BITS) - 1);
-        Self(base | pack(low) << BASE_BITS | last << (BASE_BITS + 12))
+        let bit = |(i, at): (usize, &u32)| u64::from(octants >> i & 1) << at;
+        let octants: u64 = OCTANTS.iter().enumerate().map(bit).sum();
+        Self(base | pack(low) << FIELDS | last << (FIELDS + 12) | octants)
     }
 
     /// The constant that stands at `start` and beyond it.
     #[inline]
     pub(super) fn constant(start: usize) -> Self {
-        let Self(all) = Self::new(start, IVec3::ZERO, IVec3::splat(9));
-        Self(all | 1 << CONSTANT_BIT)
+        let last = 0x777 << (FIELDS + 12);
+        Self(start as u64 | last | 1 << CONSTANT_BIT)
+    }
+
+    /// Octants that are not empty, bit by bit; none of a constant.
+    #[inline]
+    pub(super) fn octants(self) -> u32 {
+        let bit = |(i, at): (usize, &u32)| (self.0 >> at & 1) << i;
+        OCTANTS.iter().enumerate().map(bit).sum::<u64>() as u32
     }
 
     /// True if all values are that at [`Self::start`].
@@ -108,12 +116,12 @@ impl Place {
 
     #[inline]
     fn low_bits(self) -> u32 {
-        (self.0 >> BASE_BITS) as u32 & 0xfff
+        (self.0 >> FIELDS) as u32 & 0x777
     }
 
     #[inline]
     fn last_bits(self) -> u32 {
-        (self.0 >> (BASE_BITS + 12)) as u32 & 0x777
+        (self.0 >> (FIELDS + 12)) as u32 & 0x777
     }
 
     /// What a look-up in the brick needs of it; 0 stands at `zero`.
@@ -164,7 +172,7 @@ impl Opened {
         let room = self.last - (from & 0x777);
         // All bits set inside: masks, because what is written as a choice is made a branch, and
         // that would be guessed wrongly.
-        let inside = -i64::from((from & room & HIGH) + (0x1000 - HIGH) >> 12);
+        let inside = -i64::from(((from & room & HIGH) + (0x1000 - HIGH)) >> 12);
         let [x, y, z] = [x, y, z].map(i64::from);
         let index = self.base + x * self.slab + y * self.row + (z & self.along);
         Spot {
@@ -191,8 +199,10 @@ mod tests {
         for low in 0..8 {
             for size in 2..=9 - low {
                 let (low, size) = (IVec3::new(0, low, low), IVec3::new(9, size, size));
-                let place = Place::new(1 << 33, low, size);
+                let octants = (low.x + 31 * size.y + 7 * size.z) as u8;
+                let place = Place::new(1 << 33, low, size, octants);
                 assert_eq!((place.low(), place.size()), (low, size));
+                assert_eq!((place.start(), place.octants()), (1 << 33, octants.into()));
                 for x in 0..8 {
                     for y in 0..8 {
                         for z in 0..8 {

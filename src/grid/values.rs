@@ -15,7 +15,7 @@ use half::vec::HalfBitsVecExt;
 use rayon::prelude::*;
 use wide::{f32x4, f32x8, i16x8, i32x4, i32x8};
 
-use super::Corners;
+use super::corners::Corners;
 use super::place::Spot;
 
 /// Parts in which values are narrowed; each gives its space back before the next, so that no more
