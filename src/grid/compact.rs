@@ -23,6 +23,7 @@ struct Summary {
     hash: u64,
     /// Lowest corner and size of the box outside whose cells all values are 0.
     kept: [IVec3; 2],
+    octants: u8,
 }
 
 /// Range, hash and box of a brick's values.
@@ -44,6 +45,7 @@ fn summary(brick: &[f32]) -> Summary {
         range,
         hash,
         kept: kept(brick),
+        octants: octants(brick),
     }
 }
 
@@ -71,6 +73,22 @@ fn kept(brick: &[f32]) -> [IVec3; 2] {
     let high = planes.map(|p| (32 - p.leading_zeros() as i32).min(BRICK));
     let low = IVec3::from_array(low);
     [low, IVec3::from_array(high) - low + IVec3::ONE]
+}
+
+/// Octants of 4^3 cells whose 5^3 values are not all 0, bit by bit: x + 2 y + 4 z.
+fn octants(brick: &[f32]) -> u8 {
+    // Low, high or, in the middle, both.
+    let sides = |at: usize| u8::from(at <= APRON / 2) | u8::from(at >= APRON / 2) << 1;
+    let mut octants = 0;
+    for (row, values) in brick.chunks_exact(APRON).enumerate() {
+        let (x, y) = (sides(row / APRON), sides(row % APRON));
+        let any = |values: &[f32]| values.iter().fold(0, |all, v| all | v.to_bits()) != 0;
+        // Both sides in x for each side in y.
+        let column = (x * (y & 1)) | ((x * (y >> 1)) << 2);
+        octants |= u8::from(any(&values[..=APRON / 2])) * column;
+        octants |= (u8::from(any(&values[APRON / 2..])) * column) << 4;
+    }
+    octants
 }
 
 /// True if two bricks have the same bits.
@@ -147,11 +165,12 @@ impl Builder {
             let Summary {
                 range,
                 kept: [low, size],
+                octants,
                 ..
             } = summaries[index];
             packed.push(Packed {
                 range,
-                place: Place::new(end, low, size),
+                place: Place::new(end, low, size, octants),
             });
             for x in low.x..low.x + size.x {
                 for y in low.y..low.y + size.y {
@@ -263,4 +282,27 @@ fn table_extent(index: &Index, own: &[Packed], table: &[u32]) -> Extent {
         extent = extent.merge(&Extent::new(support, range));
     }
     extent
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A value belongs to the octants whose cells touch it.
+    #[test]
+    fn octants_of_single_values() {
+        for index in 0..BRICK_VALUES {
+            let mut brick = [0.0; BRICK_VALUES];
+            brick[index] = 1.0;
+            let at = [index / 81, index / 9 % 9, index % 9];
+            let touched = (0..8).filter(|octant| {
+                let first = [0, 1, 2].map(|axis| 4 * (octant >> axis & 1));
+                at.iter()
+                    .zip(first)
+                    .all(|(at, first)| (first..=first + 4).contains(at))
+            });
+            let expected: u8 = touched.map(|octant| 1 << octant).sum();
+            assert_eq!(octants(&brick), expected, "value {at:?}");
+        }
+    }
 }

@@ -22,7 +22,9 @@
 
 mod border;
 pub mod build;
+mod cells;
 mod compact;
+mod corners;
 mod index;
 pub mod load;
 pub mod majorant;
@@ -36,9 +38,10 @@ pub mod walk;
 use std::sync::Arc;
 
 use glam::{DAffine3, DVec3, IVec3, UVec3, Vec3};
-use wide::{f32x4, f64x4};
+use wide::{f32x4, i32x4};
 
-use self::place::{Place, Spot};
+pub use self::corners::Corners;
+use self::place::{Opened, Place, Spot};
 use self::values::Values;
 use crate::ray::Bounds;
 
@@ -108,17 +111,15 @@ impl BrickValues<'_> {
     #[inline]
     #[must_use]
     pub fn corners(&self, cell: IVec3) -> Corners {
-        let spot = self.place.spot(cell.to_array(), self.grid.constants);
-        self.grid.values.corners(spot)
+        let brick = self.place.open(self.grid.constants);
+        self.grid.values.corners(brick.spot(cell.to_array()))
     }
 
     /// The value at a corner, 0..=8 along each axis.
     #[must_use]
     pub fn at(&self, corner: IVec3) -> f32 {
         let cell = corner.min(IVec3::splat(BRICK - 1));
-        let [x, y, z] = (corner - cell).to_array();
-        let Corners { low, high } = self.corners(cell);
-        (if z == 0 { low } else { high }).to_array()[(2 * x + y) as usize]
+        self.corners(cell).get((corner - cell).to_array())
     }
 }
 
@@ -135,14 +136,20 @@ fn top_cell(dims: UVec3, at: usize) -> IVec3 {
 }
 
 /// The voxel below a point on all axes, and where between it and the next the point lies.
-#[inline]
-fn cell_and_fraction(p: Vec3) -> ([i32; 3], Vec3) {
+#[inline(always)]
+fn cell_and_fraction(p: Vec3) -> (i32x4, Vec3) {
     let p = f32x4::new([p.x, p.y, p.z, 0.0]);
     let floor = p.floor();
-    // Not a number, or too far for an integer: i32::MIN, which is outside.
-    let [x, y, z, _] = floor.fast_trunc_int().to_array();
     let [u, v, w, _] = (p - floor).to_array();
-    ([x, y, z], Vec3::new(u, v, w))
+    // Not a number, or too far for an integer: i32::MIN, which is outside.
+    (floor.fast_trunc_int(), Vec3::new(u, v, w))
+}
+
+/// The three axes of four lanes.
+#[inline(always)]
+fn three(v: i32x4) -> [i32; 3] {
+    let [x, y, z, _] = v.to_array();
+    [x, y, z]
 }
 
 /// Linear index of a brick in its table.
@@ -153,11 +160,23 @@ fn in_table(brick: IVec3) -> usize {
 
 impl Grid {
     /// The field at a local point.
-    #[inline]
+    #[inline(always)]
     #[must_use]
     pub fn lookup(&self, p: Vec3) -> f32 {
         let (cell, f) = cell_and_fraction(p);
-        self.values.corners(self.spot(cell)).at(f)
+        self.values.corners(self.spot(three(cell))).at(f)
+    }
+
+    /// A look-up for places near one another.
+    #[inline]
+    #[must_use]
+    pub fn cursor(&self) -> Cursor<'_> {
+        let outside = i32x4::splat(i32::MIN);
+        Cursor {
+            grid: self,
+            at: outside >> 3,
+            brick: self.place(three(outside)).open(self.constants),
+        }
     }
 
     /// The value at one corner of p's cell, chosen with the probability of its trilinear weight:
@@ -167,8 +186,9 @@ impl Grid {
     #[must_use]
     pub fn lookup_one_tap(&self, p: Vec3, u: Vec3) -> f32 {
         let (cell, f) = cell_and_fraction(p);
-        let Spot { start, row, slab } = self.spot(cell);
+        let Spot { start, row, slab } = self.spot(three(cell));
         let [x, y, z] = [u.x < f.x, u.y < f.y, u.z < f.z].map(usize::from);
+        let [row, slab] = [row, slab].map(usize::from);
         self.values.at(start + x * slab + y * row + z)
     }
 
@@ -245,7 +265,7 @@ impl Grid {
     /// Where the corners of the cell with lowest voxel `cell` are.
     #[inline]
     fn spot(&self, cell: [i32; 3]) -> Spot {
-        self.place(cell).spot(cell, self.constants)
+        self.place(cell).open(self.constants).spot(cell)
     }
 
     /// Where the field can differ from 0. \[local voxels\]
@@ -342,69 +362,35 @@ impl Grid {
     }
 }
 
+/// Looks a field up at places near one another, as along a ray: the last brick is kept at hand, so
+/// that only a new one is looked for in the index.
+#[derive(Debug, Clone)]
+pub struct Cursor<'a> {
+    grid: &'a Grid,
+    /// Coordinates of the brick.
+    at: i32x4,
+    brick: Opened,
+}
+
+impl Cursor<'_> {
+    /// The field at a local point: [`Grid::lookup`].
+    #[inline(always)]
+    #[must_use]
+    pub fn lookup(&mut self, p: Vec3) -> f32 {
+        let (cell, f) = cell_and_fraction(p);
+        let at = cell >> 3;
+        if at != self.at {
+            self.at = at;
+            self.brick = self.grid.place(three(cell)).open(self.grid.constants);
+        }
+        let spot = self.brick.spot(three(cell));
+        self.grid.values.corners(spot).at(f)
+    }
+}
+
 /// Linear index of a corner among all 9^3 of a brick.
 #[inline]
 #[must_use]
 pub fn corner_index(corner: IVec3) -> usize {
     (corner.x * 81 + corner.y * 9 + corner.z) as usize
-}
-
-/// The eight values around a cell.
-#[derive(Debug, Clone, Copy)]
-pub struct Corners {
-    /// At z: (x, y), (x, y + 1), (x + 1, y), (x + 1, y + 1).
-    low: f32x4,
-    /// At z + 1.
-    high: f32x4,
-}
-
-impl Corners {
-    /// Trilinear at `f` in \[0, 1\]^3.
-    #[inline]
-    #[must_use]
-    pub fn at(&self, f: Vec3) -> f32 {
-        let along_z = (self.high - self.low).mul_add(f32x4::splat(f.z), self.low);
-        let [a, b, c, d] = along_z.to_array();
-        let low = (b - a).mul_add(f.y, a);
-        let high = (d - c).mul_add(f.y, c);
-        (high - low).mul_add(f.x, low)
-    }
-
-    /// The same in f64: a ray that only touches the field reads little of it.
-    #[inline]
-    pub(crate) fn at_exactly(&self, f: f64x4) -> f64 {
-        let [x, y, z, _] = f.to_array();
-        let (low, high) = (wide4(self.low), wide4(self.high));
-        let along_z = (high - low).mul_add(f64x4::splat(z), low);
-        let [a, b, c, d] = along_z.to_array();
-        let low = (b - a).mul_add(y, a);
-        let high = (d - c).mul_add(y, c);
-        (high - low).mul_add(x, low)
-    }
-
-    /// Mean of the field over a chord of the cell, by its middle in \[0, 1\]^3 and its extent: see
-    /// `walk::integral`.
-    #[inline]
-    pub(crate) fn mean_along(&self, middle: f64x4, chord: f64x4) -> f64 {
-        let [x, y, z, _] = middle.to_array();
-        let [u, v, w, _] = chord.to_array();
-        let low = wide4(self.low);
-        let slope = wide4(self.high) - low;
-        let [a, b, c, d] = slope.mul_add(f64x4::splat(z), low).to_array();
-        let [p, q, r, s] = slope.to_array();
-        // At x, in lanes: the field and its slope in z, at x + 1 the same.
-        let low = f64x4::new([a, p, c, r]);
-        let along_y = f64x4::new([b, q, d, s]) - low;
-        let [f0, z0, f1, z1] = along_y.mul_add(f64x4::splat(y), low).to_array();
-        let [xy0, yz0, xy1, yz1] = along_y.to_array();
-        let yz = (yz1 - yz0).mul_add(x, yz0);
-        let bend = u * v * (xy1 - xy0) + u * w * (z1 - z0) + v * w * yz;
-        bend.mul_add(1.0 / 12.0, (f1 - f0).mul_add(x, f0))
-    }
-}
-
-/// Four floats as doubles.
-#[inline]
-fn wide4(v: f32x4) -> f64x4 {
-    f64x4::new(v.to_array().map(f64::from))
 }

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! stored:   v(c), low <= c < low + size, the least box outside whose cells the field is 0
-//! index:    start + x slab + y row + z      (x, y, z) = c - low, row = size.z, slab = size.y row
+//! index:    base + x slab + y row + z      (x, y, z) = c, row = size.z, slab = size.y row
 //! a constant:  row = slab = 0, its value twice
 //! ```
 //!
@@ -17,8 +17,10 @@
 
 use glam::IVec3;
 
-/// Where the values of a brick are: 40 bits of `start`, three fields of 4 bits for the lowest
-/// corner and three for the last cell of the box from there, and a bit for a constant.
+/// Where the values of a brick are: 37 bits of `base`, below 0 in the first bricks; three fields of
+/// 4 bits for the lowest corner and three for the last cell of the box from there; a bit for a
+/// constant; and one for each octant of 4^3 cells, set unless all its values are 0. The octants'
+/// are where the others leave room: three behind `base`, five at the heads of fields.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Place(u64);
 
@@ -28,33 +30,59 @@ pub(super) struct Spot {
     /// Index of the lowest.
     pub(super) start: usize,
     /// From there to the next in y; in z it is the next value.
-    pub(super) row: usize,
+    pub(super) row: u8,
     /// From there to the next in x.
-    pub(super) slab: usize,
+    pub(super) slab: u8,
 }
 
-/// Bits of the index of the first value.
-const START_BITS: u32 = 40;
-/// Bit of a constant.
+impl Spot {
+    /// True if all eight corners are one value.
+    #[inline(always)]
+    pub(super) fn is_constant(self) -> bool {
+        self.row == 0
+    }
+}
+
+/// Bits of the index of corner (0, 0, 0), stored or not, with its sign.
+const BASE_BITS: u32 = 37;
+/// Where the fields begin.
+const FIELDS: u32 = 40;
+/// Bit of a constant: the head of the last field.
 const CONSTANT_BIT: u32 = 63;
-/// Highest bit of each field.
+/// Highest bit of each of three fields.
 const HIGH: u32 = 0x888;
+/// Bits of a place for each octant, in the order of their numbers: x + 2 y + 4 z.
+const OCTANTS: [u32; 8] = [37, 38, 39, 43, 47, 51, 55, 59];
 
 impl Place {
-    /// One more than the last index that a value can have: 4 TiB of 32-bit ones.
-    pub(super) const END: u64 = 1 << START_BITS;
+    /// One more than the last index that a value can have: 256 GiB of 32-bit ones.
+    pub(super) const END: u64 = 1 << (BASE_BITS - 1);
 
-    /// The values of corners `low` to `low + size`, from index `start` on.
-    pub(super) fn new(start: usize, low: IVec3, size: IVec3) -> Self {
+    /// The values of corners `low` to `low + size`, from index `start` on; which octants are not
+    /// empty, bit by bit.
+    #[inline]
+    pub(super) fn new(start: usize, low: IVec3, size: IVec3, octants: u8) -> Self {
         let pack = |v: IVec3| u64::from((v.x << 8 | v.y << 4 | v.z) as u32);
         let last = pack(size - IVec3::splat(2));
-        Self(start as u64 | pack(low) << START_BITS | last << (START_BITS + 12))
+        let base = start as i64 - i64::from((low.x * size.y + low.y) * size.z + low.z);
+        let base = base as u64 & ((1 << BASE_BITS) - 1);
+        let bit = |(i, at): (usize, &u32)| u64::from(octants >> i & 1) << at;
+        let octants: u64 = OCTANTS.iter().enumerate().map(bit).sum();
+        Self(base | pack(low) << FIELDS | last << (FIELDS + 12) | octants)
     }
 
     /// The constant that stands at `start` and beyond it.
+    #[inline]
     pub(super) fn constant(start: usize) -> Self {
-        let Self(all) = Self::new(start, IVec3::ZERO, IVec3::splat(9));
-        Self(all | 1 << CONSTANT_BIT)
+        let last = 0x777 << (FIELDS + 12);
+        Self(start as u64 | last | 1 << CONSTANT_BIT)
+    }
+
+    /// Octants that are not empty, bit by bit; none of a constant.
+    #[inline]
+    pub(super) fn octants(self) -> u32 {
+        let bit = |(i, at): (usize, &u32)| (self.0 >> at & 1) << i;
+        OCTANTS.iter().enumerate().map(bit).sum::<u64>() as u32
     }
 
     /// True if all values are that at [`Self::start`].
@@ -63,10 +91,17 @@ impl Place {
         self.0 >> CONSTANT_BIT != 0
     }
 
+    /// Index of corner (0, 0, 0), were it stored.
+    #[inline(always)]
+    fn base(self) -> i64 {
+        (self.0 << (64 - BASE_BITS)) as i64 >> (64 - BASE_BITS)
+    }
+
     /// Index of the first value.
     #[inline]
     pub(super) fn start(self) -> usize {
-        (self.0 & (Self::END - 1)) as usize
+        let (low, size) = (self.low(), self.size());
+        (self.base() + i64::from((low.x * size.y + low.y) * size.z + low.z)) as usize
     }
 
     /// Lowest corner of the box, 0..8 along each axis.
@@ -81,32 +116,69 @@ impl Place {
 
     #[inline]
     fn low_bits(self) -> u32 {
-        (self.0 >> START_BITS) as u32 & 0xfff
+        (self.0 >> FIELDS) as u32 & 0x777
     }
 
     #[inline]
     fn last_bits(self) -> u32 {
-        (self.0 >> (START_BITS + 12)) as u32 & 0x777
+        (self.0 >> (FIELDS + 12)) as u32 & 0x777
     }
 
-    /// The corners of a cell, given by its lowest voxel; at `zero`, where 0 stands, outside the box.
-    #[inline]
-    pub(super) fn spot(self, [x, y, z]: [i32; 3], zero: usize) -> Spot {
-        let cell = ((x & 7) << 8 | (y & 7) << 4 | z & 7) as u32;
-        // All three axes at a time: the highest bit of a field stays where none is borrowed.
-        let from = (cell | HIGH) - self.low_bits();
-        let room = (self.last_bits() | HIGH) - (from & 0x777);
-        let inside = from & room & HIGH == HIGH;
-        let varies = usize::from(inside & !self.is_constant());
+    /// What a look-up in the brick needs of it; 0 stands at `zero`.
+    #[inline(always)]
+    pub(super) fn open(self, zero: usize) -> Opened {
         let last = self.last_bits();
-        let row = (last & 7) as usize + 2;
-        let slab = ((last >> 4 & 7) as usize + 2) * row;
-        let [x, y, z] = [from >> 8 & 7, from >> 4 & 7, from & 7].map(|c| c as usize);
-        let start = if inside { self.start() } else { zero };
+        let varies = i64::from(!self.is_constant());
+        let row = (i64::from(last & 7) + 2) * varies;
+        Opened {
+            base: self.base() - zero as i64,
+            zero: zero as i64,
+            row,
+            slab: (i64::from(last >> 4 & 7) + 2) * row,
+            along: -varies,
+            low: self.low_bits(),
+            last: last | HIGH,
+        }
+    }
+}
+
+/// A brick made ready for look-ups.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Opened {
+    /// Index of corner (0, 0, 0), were it stored, from `zero` on.
+    base: i64,
+    /// Index at which 0 stands.
+    zero: i64,
+    /// From a value to the next in y.
+    row: i64,
+    /// From a value to the next in x.
+    slab: i64,
+    /// All bits set, none for a constant.
+    along: i64,
+    /// Lowest corner of the box, packed.
+    low: u32,
+    /// Its last cell from there, packed, each field with its highest bit.
+    last: u32,
+}
+
+impl Opened {
+    /// The corners of a cell, given by its lowest voxel; at `zero` outside the box.
+    #[inline(always)]
+    pub(super) fn spot(&self, cell: [i32; 3]) -> Spot {
+        let [x, y, z] = cell.map(|c| c & 7);
+        let packed = (x << 8 | y << 4 | z) as u32;
+        // All three axes at a time: the highest bit of a field stays where none is borrowed.
+        let from = (packed | HIGH).wrapping_sub(self.low);
+        let room = self.last - (from & 0x777);
+        // All bits set inside: masks, because what is written as a choice is made a branch, and
+        // that would be guessed wrongly.
+        let inside = -i64::from(((from & room & HIGH) + (0x1000 - HIGH)) >> 12);
+        let [x, y, z] = [x, y, z].map(i64::from);
+        let index = self.base + x * self.slab + y * self.row + (z & self.along);
         Spot {
-            start: start + varies * (x * slab + y * row + z),
-            row: varies * row,
-            slab: varies * slab,
+            start: (self.zero + (index & inside)) as usize,
+            row: (self.row & inside) as u8,
+            slab: (self.slab & inside) as u8,
         }
     }
 }
@@ -127,19 +199,21 @@ mod tests {
         for low in 0..8 {
             for size in 2..=9 - low {
                 let (low, size) = (IVec3::new(0, low, low), IVec3::new(9, size, size));
-                let place = Place::new(1 << 33, low, size);
+                let octants = (low.x + 31 * size.y + 7 * size.z) as u8;
+                let place = Place::new(1 << 33, low, size, octants);
                 assert_eq!((place.low(), place.size()), (low, size));
+                assert_eq!((place.start(), place.octants()), (1 << 33, octants.into()));
                 for x in 0..8 {
                     for y in 0..8 {
                         for z in 0..8 {
                             let cell = IVec3::new(x, y, z);
-                            let spot = place.spot((cell + 8).to_array(), zero);
+                            let spot = place.open(zero).spot((cell + 8).to_array());
                             let c = cell - low;
                             if c.cmpge(IVec3::ZERO).all() && (c + 1).cmplt(size).all() {
                                 let index = (c.x * size.y + c.y) * size.z + c.z;
                                 assert_eq!(spot.start, (1 << 33) + index as usize);
-                                assert_eq!(spot.row, size.z as usize);
-                                assert_eq!(spot.slab, (size.z * size.y) as usize);
+                                assert_eq!(i32::from(spot.row), size.z);
+                                assert_eq!(i32::from(spot.slab), size.z * size.y);
                             } else {
                                 assert_eq!((spot.start, spot.row, spot.slab), (zero, 0, 0));
                             }
@@ -148,7 +222,7 @@ mod tests {
                 }
             }
         }
-        let spot = Place::constant(5).spot([7, 0, 3], zero);
+        let spot = Place::constant(5).open(zero).spot([7, 0, 3]);
         assert_eq!((spot.start, spot.row, spot.slab), (5, 0, 0));
     }
 }

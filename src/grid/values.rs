@@ -13,9 +13,9 @@ use half::f16;
 use half::slice::HalfFloatSliceExt;
 use half::vec::HalfBitsVecExt;
 use rayon::prelude::*;
-use wide::{f32x4, i32x4};
+use wide::{f32x4, f32x8, i16x8, i32x4, i32x8};
 
-use super::Corners;
+use super::corners::Corners;
 use super::place::Spot;
 
 /// Parts in which values are narrowed; each gives its space back before the next, so that no more
@@ -37,8 +37,8 @@ pub(super) enum Values {
 trait Stored: Copy {
     /// The value.
     fn widen(self) -> f32;
-    /// The corners of a cell from its pairs of neighbours in z.
-    fn widen_pairs(pairs: [[Self; 2]; 4]) -> Corners;
+    /// The corners of a cell, from the first of them to the last; from one to the next in y and x.
+    fn corners(values: &[Self], row: usize, slab: usize) -> Corners;
 }
 
 impl Stored for f32 {
@@ -47,11 +47,12 @@ impl Stored for f32 {
         self
     }
 
-    #[inline]
-    fn widen_pairs(pairs: [[Self; 2]; 4]) -> Corners {
+    #[inline(always)]
+    fn corners(v: &[Self], row: usize, slab: usize) -> Corners {
+        let four = |a: usize, b: usize| f32x4::new([v[a], v[a + 1], v[b], v[b + 1]]);
         Corners {
-            low: f32x4::new(pairs.map(|[low, _]| low)),
-            high: f32x4::new(pairs.map(|[_, high]| high)),
+            low: four(0, row),
+            high: four(slab, slab + row),
         }
     }
 }
@@ -62,44 +63,37 @@ impl Stored for f16 {
         self.to_f32()
     }
 
-    #[inline]
-    fn widen_pairs(pairs: [[Self; 2]; 4]) -> Corners {
-        // A pair is one load of 32 bits.
-        let two = |[low, high]: [Self; 2]| {
-            (u32::from(high.to_bits()) << 16 | u32::from(low.to_bits())) as i32
-        };
-        let pairs = i32x4::new(pairs.map(two));
-        Corners {
-            low: widen4(pairs),
-            high: widen4(pairs >> 16),
-        }
+    #[inline(always)]
+    fn corners(values: &[Self], row: usize, slab: usize) -> Corners {
+        // Bytes, so that a pair of neighbours is one load of 32 bits.
+        let bytes: &[u8] = bytemuck::cast_slice(values.reinterpret_cast());
+        let two = |from: usize| bytemuck::pod_read_unaligned::<i32>(&bytes[2 * from..][..4]);
+        let pairs = i32x4::new([two(0), two(row), two(slab), two(slab + row)]);
+        let [low, high] = bytemuck::cast(widen8(bytemuck::cast(pairs)));
+        Corners { low, high }
     }
 }
 
-/// Four finite halves, by their bits, as floats: exponent and fraction move to their new places,
-/// and the exponent's bias grows by 112; what has no implied 1 gets one and gives it back.
-/// Integer arithmetic, because it inlines, where the conversion of a slice is a call.
+/// Eight finite halves, by their bits, as floats.
+///
+/// Exponent and fraction move to their new places, and as a float with a bias of 127, where the
+/// half's is 15, that is 2^-112 of the value. A half without an implied 1 is a float without one
+/// there, and the product is exact. Integers, because they inline, where the conversion of a
+/// slice is a call.
 #[inline]
-fn widen4(halves: i32x4) -> f32x4 {
-    const BIAS: i32 = 112 << 23;
-    const ONE: i32 = 1 << 23;
-    let size: i32x4 = (halves & i32x4::splat(0x7fff)) << 13;
-    let small = size.simd_lt(i32x4::splat(ONE));
-    let (bias, less) = (i32x4::splat(BIAS), i32x4::splat(BIAS + ONE));
-    let wide: f32x4 = bytemuck::cast(size + bias + (small & i32x4::splat(ONE)));
-    let size = wide - bytemuck::cast::<i32x4, f32x4>(small & less);
-    let sign: i32x4 = (halves & i32x4::splat(0x8000)) << 16;
-    bytemuck::cast(bytemuck::cast::<f32x4, i32x4>(size) | sign)
+fn widen8(halves: i16x8) -> f32x8 {
+    /// Sign, exponent and fraction; between them are copies of the sign.
+    const KEPT: i32 = 0x8fff_e000_u32 as i32;
+    let bits: i32x8 = (i32x8::from(halves) << 13) & i32x8::splat(KEPT);
+    bytemuck::cast::<i32x8, f32x8>(bits) * f32x8::splat(f32::from_bits((127 + 112) << 23))
 }
 
 /// The corners of the cell at a spot.
 #[inline(always)]
 fn corners<S: Stored>(values: &[S], spot: Spot) -> Corners {
-    let Spot { start, row, slab } = spot;
+    let [row, slab] = [spot.row, spot.slab].map(usize::from);
     // One bounds check: no corner is farther than the last.
-    let v = &values[start..][..slab + row + 2];
-    let two = |from: usize| [v[from], v[from + 1]];
-    S::widen_pairs([two(0), two(row), two(slab), two(slab + row)])
+    S::corners(&values[spot.start..][..slab + row + 2], row, slab)
 }
 
 impl Values {
@@ -197,8 +191,8 @@ mod tests {
         for bits in 0..=u16::MAX {
             let half = f16::from_bits(bits);
             if half.is_finite() {
-                let wide = widen4(i32x4::splat(bits.into())).to_array();
-                assert_eq!(wide.map(f32::to_bits), [half.to_f32().to_bits(); 4]);
+                let wide = widen8(i16x8::splat(bits as i16)).to_array();
+                assert_eq!(wide.map(f32::to_bits), [half.to_f32().to_bits(); 8]);
             }
         }
     }

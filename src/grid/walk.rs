@@ -1,14 +1,16 @@
 //! The field along a ray, voxel cell by voxel cell.
 //!
-//! Within one cell of a trilinear field the value along a ray is a cubic in t, so Simpson's rule
+//! Within one cell of a trilinear field the value along a ray is a cubic in t. Along a chord u
+//! through the middle m of a cell its even part is
 //!
 //! ```text
-//! integral over [a, b] = (b - a) / 6 * (f(a) + 4 f((a + b) / 2) + f(b))
+//! f(m) + s^2 (u_x u_y f_xy + u_x u_z f_xz + u_y u_z f_yz)(m)      s in [-1/2, 1/2]
 //! ```
 //!
-//! integrates it exactly. A cell costs two evaluations from one fetch of its corners (its first
-//! value is the last of the cell before), a constant brick one piece however long the ray is in
-//! it, empty space nothing at all. Pieces tile the ray inside the grid's support in order.
+//! and the mean of s^2 is 1/12: one evaluation with the field's mixed derivatives integrates a cell
+//! exactly. A piece has the value at its end besides (its first is the last of the cell before). A
+//! stretch of one value is one piece however long, empty space nothing at all. Pieces tile the ray
+//! inside the grid's support in order, but for what is 0.
 //!
 //! Faces and places inside cells are computed in f64: in f32 a ray that starts a thousand voxels
 //! away knows where it is to 1e-4 of a voxel, and the integral to as much of the field's change.
@@ -16,9 +18,11 @@
 
 use wide::f64x4;
 
+use super::cells::{Boxed, Cells, Crossing, Line};
+use super::corners::{Bends, Corners};
 use super::majorant::MajorantGrid;
-use super::{BRICK, Corners, Grid};
-use crate::ray::{ExactRay, reciprocal};
+use super::{Grid, TOP_LOG2};
+use crate::ray::ExactRay;
 
 /// A piece of a ray on which the field is a cubic in t.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -72,26 +76,20 @@ pub fn walk(
 ) -> u64 {
     let mut pieces = Pieces {
         line: Line::new(ray),
+        bends: Bends::new(ray.direction),
         visit,
+        constant: (0.0, 0.0, 0.0),
         last: (f64::NAN, 0.0),
         sliver: 0.0,
         lookups: 0,
     };
     cross(grid, majorants, ray, [t0, t1], &mut pieces);
+    pieces.stretch();
     pieces.lookups
 }
 
-/// Integral of the field along a local-space ray inside [t0, t1], or up to a cell behind where it
-/// reaches `enough`; and evaluations of the field.
-///
-/// The integral alone needs one evaluation a cell, with the field's mixed derivatives there:
-/// along a chord u through the middle m of a cell the even part of the cubic is
-///
-/// ```text
-/// f(m) + s^2 (u_x u_y f_xy + u_x u_z f_xz + u_y u_z f_yz)(m)      s in [-1/2, 1/2]
-/// ```
-///
-/// and the mean of s^2 is 1/12.
+/// Integral of the field along a local-space ray inside [t0, t1], or up to the end of the cell of
+/// the bounds in which it reaches `enough`; and evaluations of the field.
 #[inline]
 pub fn integral(
     grid: &Grid,
@@ -102,7 +100,9 @@ pub fn integral(
 ) -> (f64, u64) {
     let mut depth = Depth {
         line: Line::new(ray),
+        bends: Bends::new(ray.direction),
         integral: 0.0,
+        segment: f64x4::ZERO,
         enough,
         lookups: 0,
     };
@@ -114,10 +114,12 @@ pub fn integral(
 trait Crossed {
     /// The ray as it was taken in.
     fn line(&self) -> &Line;
-    /// A stretch of one value that is not 0.
+    /// A stretch of one value.
     fn constant(&mut self, from: f64, to: f64, value: f32) -> bool;
-    /// A cell by its corners.
-    fn cell(&mut self, cell: &Crossing, corners: &Corners) -> bool;
+    /// A cell by its corners, which may all be one value.
+    fn cell(&mut self, cell: &Crossing, corners: &Corners, is_constant: bool) -> bool;
+    /// The end of a segment.
+    fn pause(&mut self) -> bool;
 }
 
 /// Shows the field along a ray to `crossed`.
@@ -130,6 +132,9 @@ fn cross(
     crossed: &mut impl Crossed,
 ) {
     let line = *crossed.line();
+    // More than any ray crosses.
+    let most = 3.0 * f64::from(grid.dims.max_element()) * f64::from(1 << TOP_LOG2);
+    let mut brick = Boxed::NONE;
     for segment in majorants.segments(&ray.rounded(), t0, t1) {
         if segment.majorant == 0.0 && segment.minorant == 0.0 || segment.t_max <= segment.t_min {
             continue;
@@ -141,31 +146,21 @@ fn cross(
             }
             continue;
         }
-        let mut cells = Cells::new(&line, from, to);
-        let mut next = cells.next();
-        while let Some(first) = next {
-            let place = grid.place(first.cell);
-            if place.is_constant() {
-                let mut to = first.to;
-                next = cells.next();
-                while let Some(cell) = next.filter(|cell| cell.shares_brick(&first)) {
-                    to = cell.to;
-                    next = cells.next();
-                }
-                let value = grid.values.at(place.start());
-                if value != 0.0 && !crossed.constant(first.from, to, value) {
-                    return;
-                }
+        let mut cells = Cells::new(&line, from, to, most);
+        while let Some(cell) = cells.next() {
+            if !brick.has(cell.low) {
+                brick = Boxed::around(grid, cell.low);
+            }
+            if !brick.is_filled(cell.low) {
                 continue;
             }
-            while let Some(cell) = next.filter(|cell| cell.shares_brick(&first)) {
-                let spot = place.spot(cell.cell, grid.constants);
-                let corners = grid.values.corners(spot);
-                next = cells.next();
-                if !crossed.cell(&cell, &corners) {
-                    return;
-                }
+            let spot = brick.spot(cell.low);
+            if !crossed.cell(&cell, &grid.values.corners(spot), spot.is_constant()) {
+                return;
             }
+        }
+        if !crossed.pause() {
+            return;
         }
     }
 }
@@ -173,7 +168,10 @@ fn cross(
 /// Makes pieces.
 struct Pieces<V> {
     line: Line,
+    bends: Bends,
     visit: V,
+    /// A stretch of one value, which may go on.
+    constant: (f64, f64, f32),
     /// Where the last cell ended, and the value there: the field is continuous, so the next one
     /// begins with it.
     last: (f64, f64),
@@ -182,25 +180,10 @@ struct Pieces<V> {
     lookups: u64,
 }
 
-impl<V: FnMut(Piece) -> bool> Crossed for Pieces<V> {
+impl<V: FnMut(Piece) -> bool> Pieces<V> {
+    /// A cell as a piece.
     #[inline(always)]
-    fn line(&self) -> &Line {
-        &self.line
-    }
-
-    #[inline(always)]
-    fn constant(&mut self, from: f64, to: f64, value: f32) -> bool {
-        let piece = Piece {
-            t_min: from as f32,
-            t_max: to as f32,
-            density: [value; 3],
-            integral: f64::from(value) * (to - from),
-        };
-        piece.t_min >= piece.t_max || (self.visit)(piece)
-    }
-
-    #[inline(always)]
-    fn cell(&mut self, cell: &Crossing, corners: &Corners) -> bool {
+    fn piece(&mut self, cell: &Crossing, corners: &Corners) -> bool {
         let at = |t: f64| corners.at_exactly(self.line.inside(cell.low, t));
         let (from, value) = self.last;
         let begin = if from == cell.from {
@@ -209,8 +192,14 @@ impl<V: FnMut(Piece) -> bool> Crossed for Pieces<V> {
             at(cell.from)
         };
         let end = at(cell.to);
-        let middle = at(0.5 * (cell.from + cell.to));
-        let mut piece = Piece::cubic(cell.from, cell.to, [begin, middle, end]);
+        let (place, length) = self.line.middle(cell);
+        let mean = corners.mean_along(place, length * length, &self.bends);
+        let mut piece = Piece {
+            t_min: cell.from as f32,
+            t_max: cell.to as f32,
+            density: [begin, corners.at_exactly(place), end].map(|v| v as f32),
+            integral: length * sum(mean),
+        };
         piece.integral += self.sliver;
         self.last = (cell.to, end);
         self.lookups += 2;
@@ -222,12 +211,63 @@ impl<V: FnMut(Piece) -> bool> Crossed for Pieces<V> {
         self.sliver = 0.0;
         piece.integral == 0.0 || (self.visit)(piece)
     }
+
+    /// The stretch of one value as a piece.
+    #[inline]
+    fn stretch(&mut self) -> bool {
+        let (from, to, value) = std::mem::take(&mut self.constant);
+        let piece = Piece {
+            t_min: from as f32,
+            t_max: to as f32,
+            density: [value; 3],
+            integral: f64::from(value) * (to - from),
+        };
+        value == 0.0 || piece.t_min >= piece.t_max || (self.visit)(piece)
+    }
+}
+
+impl<V: FnMut(Piece) -> bool> Crossed for Pieces<V> {
+    #[inline(always)]
+    fn line(&self) -> &Line {
+        &self.line
+    }
+
+    #[inline(always)]
+    fn constant(&mut self, from: f64, to: f64, value: f32) -> bool {
+        let (begin, end, before) = self.constant;
+        if end == from && before == value {
+            self.constant = (begin, to, value);
+            return true;
+        }
+        let go_on = self.stretch();
+        if go_on {
+            self.constant = (from, to, value);
+        }
+        go_on
+    }
+
+    #[inline(always)]
+    fn cell(&mut self, cell: &Crossing, corners: &Corners, is_constant: bool) -> bool {
+        if is_constant {
+            return self.constant(cell.from, cell.to, corners.get([0; 3]));
+        }
+        self.stretch() && self.piece(cell, corners)
+    }
+
+    #[inline(always)]
+    fn pause(&mut self) -> bool {
+        true
+    }
 }
 
 /// Adds up.
 struct Depth {
     line: Line,
+    bends: Bends,
+    /// Up to the end of the last segment.
     integral: f64,
+    /// Since then, in lanes.
+    segment: f64x4,
     enough: f64,
     lookups: u64,
 }
@@ -245,174 +285,30 @@ impl Crossed for Depth {
     }
 
     #[inline(always)]
-    fn cell(&mut self, cell: &Crossing, corners: &Corners) -> bool {
-        let length = cell.to - cell.from;
-        let middle = self.line.inside(cell.low, 0.5 * (cell.from + cell.to));
-        let chord = self.line.direction * f64x4::splat(length);
-        self.integral += length * corners.mean_along(middle, chord);
-        self.lookups += 1;
+    fn cell(&mut self, cell: &Crossing, corners: &Corners, is_constant: bool) -> bool {
+        let (place, length) = self.line.middle(cell);
+        let mean = corners.mean_along(place, length * length, &self.bends);
+        self.segment = mean.mul_add(f64x4::splat(length), self.segment);
+        self.lookups += u64::from(!is_constant);
+        true
+    }
+
+    #[inline(always)]
+    fn pause(&mut self) -> bool {
+        self.integral += sum(std::mem::take(&mut self.segment));
         self.integral < self.enough
     }
+}
+
+/// The sum of four lanes.
+#[inline(always)]
+fn sum(v: f64x4) -> f64 {
+    let [a, b, c, d] = v.to_array();
+    (a + c) + (b + d)
 }
 
 /// Integral of a cubic over a length, by its values at begin, middle and end.
 #[inline]
 fn simpson(length: f64, [begin, middle, end]: [f64; 3]) -> f64 {
     length * (1.0 / 6.0) * (4.0f64.mul_add(middle, begin) + end)
-}
-
-/// A ray in f64, its three axes side by side.
-#[derive(Clone, Copy)]
-struct Line {
-    origin: f64x4,
-    direction: f64x4,
-    /// One over the direction; 0 where no face is ever reached.
-    inverse: f64x4,
-    /// Set where faces are reached.
-    moves: f64x4,
-    /// From cell to cell.
-    step: f64x4,
-    /// From a cell's lowest voxel to the face that the ray leaves by.
-    ahead: f64x4,
-    /// The same steps as integers.
-    steps: [i32; 3],
-}
-
-/// A cell on a ray.
-#[derive(Clone, Copy)]
-struct Crossing {
-    /// Its lowest voxel.
-    cell: [i32; 3],
-    low: f64x4,
-    /// Where the ray enters and leaves it.
-    from: f64,
-    to: f64,
-}
-
-impl Crossing {
-    /// True if both cells are in one brick.
-    #[inline]
-    fn shares_brick(&self, other: &Self) -> bool {
-        let ([a, b, c], [x, y, z]) = (self.cell, other.cell);
-        ((a ^ x) | (b ^ y) | (c ^ z)) & -BRICK == 0
-    }
-}
-
-impl Line {
-    fn new(ray: &ExactRay) -> Self {
-        let four = |v: [f64; 3]| f64x4::new([v[0], v[1], v[2], 0.0]);
-        let reached = reciprocal(ray.direction.as_vec3())
-            .to_array()
-            .map(f32::is_finite);
-        let direction = ray.direction.to_array();
-        let of_axis = |f: &dyn Fn(usize) -> f64| {
-            four(std::array::from_fn(|a| if reached[a] { f(a) } else { 0.0 }))
-        };
-        let step = of_axis(&|a| direction[a].signum());
-        Self {
-            origin: four(ray.origin.to_array()),
-            direction: four(direction),
-            inverse: of_axis(&|a| 1.0 / direction[a]),
-            moves: step.simd_ne(f64x4::ZERO),
-            step,
-            ahead: step.fast_max(f64x4::ZERO),
-            steps: std::array::from_fn(|a| step.to_array()[a] as i32),
-        }
-    }
-
-    #[inline]
-    fn at(&self, t: f64) -> f64x4 {
-        self.direction.mul_add(f64x4::splat(t), self.origin)
-    }
-
-    /// Where in a cell the point at t is, in [0, 1].
-    #[inline]
-    fn inside(&self, low: f64x4, t: f64) -> f64x4 {
-        (self.at(t) - low)
-            .fast_max(f64x4::ZERO)
-            .fast_min(f64x4::ONE)
-    }
-
-    /// t at which the ray meets a face on each axis.
-    #[inline]
-    fn meets(&self, faces: f64x4) -> f64x4 {
-        let t = (faces - self.origin) * self.inverse;
-        self.moves.bitselect(t, f64x4::splat(f64::INFINITY))
-    }
-}
-
-/// The voxel cells that a ray crosses in [t, t_end]; tiles it exactly. All axes are stepped at a
-/// time and by masks: which one it is cannot be guessed.
-struct Cells<'a> {
-    line: &'a Line,
-    cell: [i32; 3],
-    /// The faces by which the ray leaves the cell.
-    faces: f64x4,
-    /// t at which it meets each.
-    next: f64x4,
-    t: f64,
-    t_end: f64,
-}
-
-/// Faces that rounding may put behind a start: one on each axis, and one to spare.
-const BEHIND: usize = 4;
-
-impl<'a> Cells<'a> {
-    #[inline]
-    fn new(line: &'a Line, t: f64, t_end: f64) -> Self {
-        let low = line.at(t).floor();
-        let [x, y, z, _] = low.to_array();
-        let faces = low + line.ahead;
-        let mut this = Self {
-            line,
-            cell: [x as i32, y as i32, z as i32],
-            faces,
-            next: line.meets(faces),
-            t,
-            t_end,
-        };
-        // A start on a face belongs to the cell that the ray goes on into.
-        let now = f64x4::splat(t);
-        for _ in 0..BEHIND {
-            let behind = this.next.simd_le(now);
-            if !behind.any() {
-                return this;
-            }
-            this.step(behind);
-        }
-        // So far away that f64 does not tell the faces apart: they are never met.
-        let behind = this.next.simd_le(now);
-        this.next = behind.bitselect(f64x4::splat(f64::INFINITY), this.next);
-        this
-    }
-
-    /// On to the next cell along the axes of a mask.
-    #[inline]
-    fn step(&mut self, mask: f64x4) {
-        self.faces += mask & self.line.step;
-        self.next = self.line.meets(self.faces);
-        let axes = mask.to_bitmask() as i32;
-        for (a, (cell, step)) in self.cell.iter_mut().zip(self.line.steps).enumerate() {
-            *cell += step & -(axes >> a & 1);
-        }
-    }
-
-    /// The next cell.
-    #[inline]
-    fn next(&mut self) -> Option<Crossing> {
-        if self.t >= self.t_end {
-            return None;
-        }
-        let [x, y, z, _] = self.next.to_array();
-        let nearest = x.min(y).min(z);
-        let crossing = Crossing {
-            cell: self.cell,
-            low: self.faces - self.line.ahead,
-            from: self.t,
-            to: nearest.clamp(self.t, self.t_end),
-        };
-        self.t = crossing.to;
-        self.step(self.next.simd_le(f64x4::splat(nearest)));
-        Some(crossing)
-    }
 }

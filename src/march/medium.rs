@@ -79,10 +79,11 @@ impl<S: Spectrum> MediumProfile<S> {
                 };
                 let step = voxels as f32 / local.direction.length();
                 let steps = ((t1 - t0) / step).ceil() as u32;
+                let mut cursor = field.grid.cursor();
                 for i in 0..steps {
                     let a = step.mul_add(i as f32, t0);
                     let b = (a + step).min(t1);
-                    let density = field.grid.lookup(local.at(0.5 * (a + b)));
+                    let density = cursor.lookup(local.at(0.5 * (a + b)));
                     counters.density_lookups += 1;
                     self.push(Piece::constant(a, b, density));
                     if self.knots.last().is_some_and(|last| last.depth >= spent) {

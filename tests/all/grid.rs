@@ -214,6 +214,7 @@ fn lookup_is_trilinear_in_the_values_of_the_tree() {
         let origin = grid.origin();
         let mut near: Vec<IVec3> = tree.topology.leaves.clone();
         near.extend(tree.topology.tiles.iter().map(|t| t.origin));
+        let mut cursor = grid.cursor();
         for i in 0..200_000 {
             let p = if i % 4 == 0 {
                 on_a_face(support.min, support.max, &mut random)
@@ -228,6 +229,11 @@ fn lookup_is_trilinear_in_the_values_of_the_tree() {
             assert!(
                 (found - exact).abs() <= LERP_ROUNDING * largest,
                 "{name}: {found} at local {p}, exactly {exact}"
+            );
+            assert_eq!(
+                f64::from(cursor.lookup(p)),
+                found,
+                "{name}: a cursor at {p}"
             );
             let voxel = p.floor().as_ivec3();
             assert_eq!(
