@@ -1,17 +1,28 @@
 #!/usr/bin/env python3
 """Beams beside points at equal time in the scenes of the slides, as pictures and as relMSE.
 
-    cargo build --release && benches/side_by_side.py docs/scenes [SCENE ...]
+    cargo build --release && benches/side_by_side.py docs/scenes [SCENE ...]      # some minutes each
 
-For each scene one PNG, left to right: the reference, points, and as many passes of beams as take no
-longer (at least one). First order comes from photons in both, as in Jarosz et al. 2008. References are
-two long pictures of other seeds, averaged: of paths in the box; of beams with sampled first order and
-a dozen passes on stage and street, where paths hardly ever scatter inside a spot's cone. relMSE is over
-the 95 % of the pixels in which the two differ least (a path that comes close to a lamp in haze outshines
-a picture), and their own noise there, a quarter of the relMSE between them, is taken off. Seconds are
-CPU seconds. Points and beams trace the photons of the scene file. Needs numpy, OpenEXR and Pillow.
+Part of each scene at its own resolution, all light from photons, one thread. A pass takes the photons
+of the scene file, their map, and the rays: seconds of the part's rays over its share of the picture.
+Two comparisons, means over some seeds:
+
+  same photons   points march in fixed steps, as long as makes a pass take what one of beams takes;
+                 between the two steps next to that by the powers of their times. As on the slides.
+  passes         points march in the steps that the renderer chooses, and the beams get as many
+                 passes as take the same time: variances fall as 1 / passes, what is left is bias.
+
+For each scene one PNG, left to right: the reference, points with the first of the steps that takes no
+longer, beams. References are two long pictures of other seeds: of paths in the smoke and the box, of
+beams with sampled first order on stage and street, where paths hardly ever scatter inside a spot's cone.
+relMSE is mean((x - r1) (x - r2) / (r^2 + 0.01 mean(r)^2)), in which the references' own noise cancels,
+over the 95 % of the pixels in which those two differ least (a path that comes close to a lamp in haze
+outshines a picture). Needs numpy, OpenEXR and Pillow.
 """
+import json
 import os
+import re
+import subprocess
 import sys
 import tempfile
 
@@ -20,12 +31,18 @@ import numpy as np
 import OpenEXR
 from PIL import Image
 
-import estimates
-
-SIZES = {"smoky_cornell": "160x160", "concert_stage": "208x130", "foggy_street": "208x117"}
-REFERENCES = {"smoky_cornell": ("--method", "path", "--spp", 128)}
-LONG_BEAMS = ("--passes", 12)
-DIRECT = 'direct = "photons"\n'
+ROOT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..")
+BINARY = os.path.join(ROOT, "target", "release", "vpm-vdb")
+# Part of the picture, reference.
+PATHS, BEAMS = ("path", "--spp", 128), ("beam", "--passes", 24)
+SCENES = {
+    "rising_smoke": ((240, 300, 400, 500), PATHS),
+    "smoky_cornell": ((100, 100, 300, 300), PATHS),
+    "foggy_street": ((136, 76, 408, 229), BEAMS),
+    "concert_stage": ((124, 77, 372, 232), BEAMS),
+}
+STEPS = [2.0 ** k for k in range(1, 10)]
+SEEDS = (1, 2, 3)
 
 
 def rgb(file):
@@ -36,10 +53,6 @@ def rgb(file):
     return np.stack([np.frombuffer(exr.channel(c, pixel), np.float32).reshape(shape) for c in "RGB"], -1)
 
 
-def squares(a, b, floor):
-    return ((a - b) ** 2 / (b ** 2 + floor)).mean(axis=-1)
-
-
 def png(pictures, exposure):
     """Side by side, through a curve that keeps lamps from burning out the rest."""
     x = np.concatenate(pictures, axis=1) * 2.0 ** exposure
@@ -48,33 +61,68 @@ def png(pictures, exposure):
     return Image.fromarray((255.0 * np.clip(x, 0.0, 1.0) + 0.5).astype(np.uint8))
 
 
+class Scene:
+    def __init__(self, name, folder):
+        self.name, self.folder = name, folder
+        self.part, (method, *options) = SCENES[name]
+        with open(os.path.join(ROOT, "scenes", name + ".toml")) as file:
+            text = file.read().replace('"../volumes', f'"{ROOT}/volumes').replace('"meshes/', f'"{ROOT}/scenes/meshes/')
+        self.text = re.sub(r"direct = .*\n", "", text)
+        width, height = map(int, re.search(r"resolution = \[(\d+), (\d+)\]", text).groups())
+        x0, y0, x1, y1 = self.part
+        self.share = (x1 - x0) * (y1 - y0) / (width * height)
+        line = re.search(r"exposure = (\S+)", text)
+        self.exposure = float(line.group(1)) if line else 0.0
+        self.halves = [self.render(method, 100 + i, 'direct = "sampled"\n', *options)[1] for i in range(2)]
+        mean = sum(self.halves) / 2.0
+        self.weight = 1.0 / (mean**2 + 0.01 * mean.mean() ** 2)
+        between = ((self.halves[0] - self.halves[1]) ** 2 * self.weight).mean(axis=-1)
+        self.kept = between <= np.quantile(between, 0.95)
+
+    def render(self, method, seed, keys, *options):
+        """Seconds of a pass of the whole picture, and the part."""
+        toml, out, report = (os.path.join(self.folder, self.name + end) for end in (".toml", ".exr", ".json"))
+        with open(toml, "w") as file:
+            file.write(self.text.replace("[render]\n", "[render]\n" + keys))
+        subprocess.run([BINARY, "render", toml, "--quiet", "--crop", ",".join(map(str, self.part)), "--method", method,
+                        "--seed", str(seed), "-o", out, "--report", report, *map(str, options)], check=True)
+        with open(report) as file:
+            time = json.load(file)["time_s"]
+        return time["photons"] + time["map"] + time["gather"] / self.share, rgb(out).astype(np.float64)
+
+    def run(self, method, keys=""):
+        """Least seconds of some seeds, mean relMSE and variance, and a picture."""
+        runs = [self.render(method, seed, 'direct = "photons"\n' + keys, "--passes", 1, "--threads", 1) for seed in SEEDS]
+        pictures = np.stack([picture for _, picture in runs])
+        error = ((pictures - self.halves[0]) * (pictures - self.halves[1]) * self.weight).mean(axis=-1)
+        noise = (pictures.var(axis=0, ddof=1) * self.weight).mean(axis=-1)
+        return min(s for s, _ in runs), error[:, self.kept].mean(), noise[self.kept].mean(), pictures[0]
+
+
 def main():
     out = sys.argv[1]
-    for name in sys.argv[2:] or SIZES:
-        estimates.SCENES[name] = (SIZES[name], {r'direct = "photons"\n': ""})
-        estimates.REFERENCE_SPP = 1
+    for name in sys.argv[2:] or SCENES:
         with tempfile.TemporaryDirectory() as folder:
-            scene = estimates.Scene(name, folder)
-            options = REFERENCES.get(name, LONG_BEAMS)
-            scene.references = [scene.render(f"long{i}", *options, "--seed", 100 + i)[1] for i in range(2)]
-            exposure = [line for line in scene.text.splitlines() if line.startswith("exposure")]
-            exposure = float(exposure[0].split("=")[1]) if exposure else 0.0
-            seconds, point = scene.render("point", "--method", "point", "--passes", 1, keys=DIRECT)
-            one = scene.render("beam", "--passes", 1, keys=DIRECT)[0]
-            passes = max(1, int(seconds / one))
-            used, beam = scene.render("beam", "--passes", passes, keys=DIRECT)
-            first, second, point, beam = (rgb(f) for f in (*scene.references, point, beam))
-            both = (first + second) / 2.0
-            floor = 0.01 * np.median(both.mean(axis=-1)) ** 2
-            between = squares(first, second, floor)
-            kept = between <= np.quantile(between, 0.95)
-            own = between[kept].mean() / 4.0
-            errors = [squares(p, both, floor)[kept].mean() - own for p in (point, beam)]
-            png([both, point, beam], exposure).save(
-                os.path.join(out, f"{name}_beam_point.png"), optimize=True)
-        print(f"{name} {SIZES[name]}: reference adds {own:.1e}; point {seconds:.1f} s, relMSE "
-              f"{errors[0]:.1e}; beam, {passes} passes {used:.1f} s, relMSE {errors[1]:.1e}, "
-              f"1/{errors[0] / errors[1]:.1f}", flush=True)
+            scene = Scene(name, folder)
+            beam = scene.run("beam")
+            print(f"{name}: beam {beam[0]:.1f} s, relMSE {beam[1]:.1e} (variance {beam[2]:.1e})", flush=True)
+            point = scene.run("point")
+            passes = point[0] / beam[0]
+            long = beam[1] - beam[2] * (1.0 - 1.0 / passes)
+            print(f"  point, steps of its own: {point[0]:.1f} s, relMSE {point[1]:.1e} (variance {point[2]:.1e}); "
+                  f"{passes:.1f} passes of beams {long:.1e}: 1/{point[1] / long:.1f}", flush=True)
+            before = point
+            for step in STEPS:
+                point = scene.run("point", f"march = {{ step = {step} }}\n")
+                print(f"  point, steps of {step:g} voxels: {point[0]:.1f} s, relMSE {point[1]:.1e}", flush=True)
+                if point[0] <= beam[0]:
+                    break
+                before = point
+            at = np.log(before[0] / beam[0]) / np.log(before[0] / point[0]) if before[0] > beam[0] else 1.0
+            equal = before[1] ** (1.0 - at) * point[1] ** at
+            print(f"  point in the beam's time: relMSE {equal:.1e}: 1/{equal / beam[1]:.1f}", flush=True)
+            picture = png([sum(scene.halves) / 2.0, point[3], beam[3]], scene.exposure)
+            picture.save(os.path.join(out, f"{name}_beam_point.png"), optimize=True)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! t_a' = t_a + 1 / |d_a|  for the axis a of the nearest face      cell_a' = cell_a + sign d_a
-//! cells of a segment:  1 + sum over axes of |last - first|
+//! cells of a segment:  1 + sum over axes of ceil((t_end - t_a) |d_a|)       t_a: of the first face
 //! index of a cell:     base + x slab + y row + z                  (place.rs)
 //! ```
 //!
@@ -30,8 +30,9 @@ pub(super) struct Line {
     direction: f64x4,
     /// One over the direction; 0 where no face is ever reached.
     inverse: f64x4,
-    /// From face to face.
+    /// From face to face, and faces for each t; 0 where none is ever reached.
     between: f64x4,
+    speed: f64x4,
     /// Set where faces are reached.
     moves: f64x4,
     /// From cell to cell.
@@ -69,6 +70,7 @@ impl Line {
             direction: four(direction),
             inverse,
             between: inverse.abs(),
+            speed: of_axis(&|a| direction[a].abs()),
             moves: step.simd_ne(f64x4::ZERO),
             step,
             ahead: step.fast_max(f64x4::ZERO),
@@ -105,7 +107,7 @@ impl Line {
 
 /// The voxel cells that a ray crosses in [t, t_end]; tiles it exactly. All axes are stepped at a
 /// time and by masks: which one it is cannot be guessed. How many there are is known beforehand
-/// from the first and the last, so that the end of the loop does not wait for the last step.
+/// from the faces ahead, so that the end of the loop does not wait for the last step.
 pub(super) struct Cells<'a> {
     line: &'a Line,
     /// The cell's lowest voxel.
@@ -127,14 +129,21 @@ impl<'a> Cells<'a> {
     pub(super) fn new(line: &'a Line, t: f64, t_end: f64, most: f64) -> Self {
         let middle = 0.5 * (t + t_end);
         let sliver = SLIVER * t_end;
-        let low = line.at(lesser(t + sliver, middle)).floor();
-        let last = line.at(greater(t_end - sliver, middle)).floor();
+        let (first, last) = (lesser(t + sliver, middle), greater(t_end - sliver, middle));
+        let low = line.at(first).floor();
+        let next = line.meets(low + line.ahead);
+        // A start on a face belongs to the cell that the ray goes on into, however slowly.
+        let behind = next.simd_le(f64x4::splat(first));
+        let low = low + (behind & line.step);
+        let next = next + (behind & line.between);
         // One axis at a time; what is stepped along two at once leaves cells of no length.
-        let [x, y, z, _] = ((last - low) * line.step).to_array();
+        let faces = (f64x4::splat(last) - next) * line.speed;
+        let faces = (line.moves & faces).ceil().fast_max(f64x4::ZERO);
+        let [x, y, z, _] = faces.to_array();
         Self {
             line,
             low,
-            next: line.meets(low + line.ahead),
+            next,
             t,
             t_end,
             left: 1 + lesser(x + y + z, most) as u32,

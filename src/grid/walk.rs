@@ -248,6 +248,11 @@ impl<V: FnMut(Piece) -> bool> Crossed for Pieces<V> {
 
     #[inline(always)]
     fn cell(&mut self, cell: &Crossing, corners: &Corners, is_constant: bool) -> bool {
+        // Where faces are met together cells of no length follow, and not in their places: the next
+        // piece must not begin with a value of theirs.
+        if cell.to <= cell.from {
+            return true;
+        }
         if is_constant {
             return self.constant(cell.from, cell.to, corners.get([0; 3]));
         }

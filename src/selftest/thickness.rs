@@ -229,7 +229,7 @@ fn rough_field(suite: &mut Suite, name: &str, field: &Grid) -> Result<(), Selfte
     let smooth = rough(0.75)?;
     let mut random = rng(33);
     let rays = 12;
-    let samples = suite.choose([20_000, 50_000, 400_000]);
+    let samples = suite.choose([40_000, 80_000, 400_000]);
     let (mut mean, mut flight) = (Worst::default(), Worst::default());
     for i in 0..rays {
         let mut ray = ray_through(field, &mut random);

@@ -297,7 +297,7 @@ fn colours_and_overlapping_media_agree_with_beams() {
 #[test]
 fn point_sees_nothing_in_a_furnace() {
     let blob = blob();
-    let passes = 16;
+    let passes = 24;
     for search in SEARCHES {
         for in_fog in [true, false] {
             let mut point = scene(if in_fog { 4.0 } else { 75.0 }, [16, 16]);
