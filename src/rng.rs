@@ -3,12 +3,12 @@
 //! Every photon and every pixel of every pass has a stream of its own, so the result cannot
 //! depend on which thread drew what. The key is hashed by SplitMix64's finaliser (Steele, Lea,
 //! Flood 2014) into the 64-bit seed of Xoshiro256++ (Blackman & Vigna 2021), which `rand` keeps
-//! portable across platforms and versions.
-
-mod ziggurat;
+//! portable across platforms and versions. Lengths of flights come from the ziggurat of
+//! `rand_distr` (Marsaglia & Tsang 2000): one number in ninety takes more than a product.
 
 use rand::rngs::Xoshiro256PlusPlus;
 use rand::{Rng as _, SeedableRng};
+use rand_distr::{Distribution, Exp1};
 
 /// What a stream is for; streams of different stages are independent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -80,7 +80,8 @@ impl Rng {
     /// below 6e-8.
     #[inline]
     pub fn exponential(&mut self) -> f32 {
-        ziggurat::exponential(|| self.0.next_u64()) as f32
+        let tau: f64 = Exp1.sample(&mut self.0);
+        tau as f32
     }
 
     /// Uniform in 0..n.
