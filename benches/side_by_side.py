@@ -2,6 +2,7 @@
 """Beams beside points at equal time in the scenes of the slides, as pictures and as relMSE.
 
     cargo build --release && benches/side_by_side.py docs/scenes [SCENE ...]      # some minutes each
+    benches/side_by_side.py --sampled [SCENE ...]      # with sampled first order, `passes` alone
 
 Part of each scene at its own resolution, all light from photons, one thread. A pass takes the photons
 of the scene file, their map, and the rays: seconds of the part's rays over its share of the picture.
@@ -10,7 +11,7 @@ Two comparisons, means over some seeds:
   same photons   points march in fixed steps, as long as makes a pass take what one of beams takes;
                  between the two steps next to that by the powers of their times. As on the slides.
   passes         points march in the steps that the renderer chooses, and the beams get as many
-                 passes as take the same time: variances fall as 1 / passes, what is left is bias.
+                 passes as take no longer.
 
 For each scene one PNG, left to right: the reference, points with the first of the steps that takes no
 longer, beams. References are two long pictures of other seeds: of paths in the smoke and the box, of
@@ -43,6 +44,7 @@ SCENES = {
 }
 STEPS = [2.0 ** k for k in range(1, 10)]
 SEEDS = (1, 2, 3)
+DIRECT = "sampled" if "--sampled" in sys.argv else "photons"
 
 
 def rgb(file):
@@ -90,9 +92,11 @@ class Scene:
             time = json.load(file)["time_s"]
         return time["photons"] + time["map"] + time["gather"] / self.share, rgb(out).astype(np.float64)
 
-    def run(self, method, keys=""):
+    def run(self, method, keys="", passes=1):
         """Least seconds of some seeds, mean relMSE and variance, and a picture."""
-        runs = [self.render(method, seed, 'direct = "photons"\n' + keys, "--passes", 1, "--threads", 1) for seed in SEEDS]
+        options = ("--passes", passes, "--threads", 1)
+        keys = f'direct = "{DIRECT}"\n' + keys
+        runs = [self.render(method, seed, keys, *options) for seed in SEEDS]
         pictures = np.stack([picture for _, picture in runs])
         error = ((pictures - self.halves[0]) * (pictures - self.halves[1]) * self.weight).mean(axis=-1)
         noise = (pictures.var(axis=0, ddof=1) * self.weight).mean(axis=-1)
@@ -107,10 +111,12 @@ def main():
             beam = scene.run("beam")
             print(f"{name}: beam {beam[0]:.1f} s, relMSE {beam[1]:.1e} (variance {beam[2]:.1e})", flush=True)
             point = scene.run("point")
-            passes = point[0] / beam[0]
-            long = beam[1] - beam[2] * (1.0 - 1.0 / passes)
+            passes = max(1, int(point[0] / beam[0]))
+            beams = scene.run("beam", passes=passes)
             print(f"  point, steps of its own: {point[0]:.1f} s, relMSE {point[1]:.1e} (variance {point[2]:.1e}); "
-                  f"{passes:.1f} passes of beams {long:.1e}: 1/{point[1] / long:.1f}", flush=True)
+                  f"{passes} passes of beams {beams[0]:.1f} s, relMSE {beams[1]:.1e}: 1/{point[1] / beams[1]:.1f}", flush=True)
+            if DIRECT == "sampled":
+                continue
             before = point
             for step in STEPS:
                 point = scene.run("point", f"march = {{ step = {step} }}\n")
