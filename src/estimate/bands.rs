@@ -300,8 +300,8 @@ impl<S: Spectrum, H: Heading> Bands<S, H> {
                     }
                     let top = band * TILE;
                     let rows = [rows[0].max(top) - top, (rows[1] - top).min(TILE - 1)];
-                    let tiles = tiles_of(across).map(|tile| tile as usize);
-                    first[tiles[0] + 1] += 1;
+                    let tiles = tiles_of(across);
+                    first[tiles[0] as usize + 1] += 1;
                     reached.push((photon, tiles, rows.map(|row| row as u8)));
                 }
             }
@@ -310,13 +310,18 @@ impl<S: Spectrum, H: Heading> Bands<S, H> {
         let mut order = vec![0u32; reached.len()];
         sum_up(&mut first);
         for (i, (_, [tile, _], _)) in (0u32..).zip(&reached) {
-            let slot = &mut first[*tile];
+            let slot = &mut first[*tile as usize];
             order[*slot as usize] = i;
             *slot += 1;
         }
-        let ordered = || order.iter().map(|i| reached[*i as usize]);
+        let ordered = || {
+            order.iter().map(|i| {
+                let (photon, tiles, rows) = reached[*i as usize];
+                (photon, tiles.map(|tile| tile as usize), rows)
+            })
+        };
         let mut start = vec![0u32; columns + 1];
-        for (_, [from, to], _) in &reached {
+        for (_, [from, to], _) in ordered() {
             start[from + 1..=to + 1].iter_mut().for_each(|n| *n += 1);
         }
         sum_up(&mut start);
