@@ -10,7 +10,7 @@
 use wide::f32x8;
 
 /// A point of a profile.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Knot {
     /// Distance. \[m\]
     pub t: f32,
@@ -35,9 +35,9 @@ pub struct Cubic {
     square: f32,
     cubic: f32,
     /// Depth at its end. \[m\]
-    end_depth: f32,
+    pub end_depth: f32,
     /// Where it ends. \[m\]
-    end: f32,
+    pub end: f32,
 }
 
 impl Cubic {
@@ -53,8 +53,15 @@ impl Cubic {
         end: 0.0,
     };
 
-    /// Between two knots.
+    /// True where the depth rises.
     #[inline]
+    #[must_use]
+    pub fn rises(&self) -> bool {
+        self.end_depth > self.depth
+    }
+
+    /// Between two knots.
+    #[inline(always)]
     #[must_use]
     pub fn between(a: Knot, b: Knot) -> Self {
         let length = b.t - a.t;
@@ -83,29 +90,29 @@ impl Cubic {
         ((t.min(self.end) - self.t) * self.per_length).clamp(0.0, 1.0)
     }
 
-    /// Depth at a share of the way. Kept between those of the knots: the cubic may swing out where
-    /// the field bends sharply inside a cell, which the exact depth cannot.
+    /// Depth at a share of the way from the begin's on. Kept between 0 and that of the end: the
+    /// cubic may swing out where the field bends sharply inside a cell, which the exact depth cannot.
     #[inline]
-    fn depth_of(&self, s: f32) -> f32 {
-        s.mul_add(
-            s.mul_add(s.mul_add(self.cubic, self.square), self.start),
-            self.depth,
-        )
-        .clamp(self.depth, self.end_depth)
+    fn rise_of(&self, s: f32) -> f32 {
+        let rise = s * s.mul_add(s.mul_add(self.cubic, self.square), self.start);
+        rise.clamp(0.0, self.end_depth - self.depth)
     }
 
-    /// Its slope there: the density.
+    /// Its slope there: the density times the length.
     #[inline]
-    fn density_of(&self, s: f32) -> f32 {
+    fn slope_of(&self, s: f32) -> f32 {
         let slope = s.mul_add(s.mul_add(3.0 * self.cubic, 2.0 * self.square), self.start);
-        (slope * self.per_length).max(0.0)
+        slope.max(0.0)
     }
 
     /// Integral of the density up to t; that of the nearer end beyond them. \[m\]
     #[inline]
     #[must_use]
     pub fn depth(&self, t: f32) -> f32 {
-        self.depth_of(self.share(t))
+        let s = self.share(t);
+        let along = s.mul_add(s.mul_add(self.cubic, self.square), self.start);
+        s.mul_add(along, self.depth)
+            .clamp(self.depth, self.end_depth)
     }
 
     /// Density at t; 0 beyond the ends.
@@ -113,10 +120,33 @@ impl Cubic {
     #[must_use]
     pub fn density(&self, t: f32) -> f32 {
         if (self.t..=self.end).contains(&t) {
-            self.density_of(self.share(t))
+            self.slope_of(self.share(t)) * self.per_length
         } else {
             0.0
         }
+    }
+
+    /// Where the depth is reached, to its own rounding; the nearer end if it is not.
+    #[must_use]
+    pub fn distance(&self, depth: f32) -> f32 {
+        if !self.rises() {
+            return if depth <= self.depth {
+                self.t
+            } else {
+                self.end
+            };
+        }
+        let target = depth - self.depth;
+        let s = invert(
+            target.into(),
+            f64::from(target) / f64::from(self.end_depth - self.depth),
+            2.0 * f64::from(f32::EPSILON) * f64::from(depth),
+            |s| {
+                let s = s as f32;
+                (self.rise_of(s).into(), self.slope_of(s).into())
+            },
+        );
+        (s as f32).mul_add(self.end - self.t, self.t)
     }
 
     /// [`Self::depth`] and [`Self::density`] of eight, each at its own finite t.
@@ -158,28 +188,6 @@ impl Cubic {
             inside.select((slope * per_length).fast_max(zero), zero),
         ]
     }
-}
-
-/// Where between two knots the depth is reached, to the rounding of the depth itself.
-#[must_use]
-pub fn distance(a: Knot, b: Knot, depth: f32) -> f32 {
-    if b.depth <= a.depth {
-        return if depth <= a.depth { a.t } else { b.t };
-    }
-    let (target, rise) = (depth - a.depth, b.depth - a.depth);
-    let (begin, end) = (Knot { depth: 0.0, ..a }, Knot { depth: rise, ..b });
-    let (cubic, length) = (Cubic::between(begin, end), b.t - a.t);
-    let s = invert(
-        target.into(),
-        f64::from(target) / f64::from(rise),
-        2.0 * f64::from(f32::EPSILON) * f64::from(depth),
-        |s| {
-            let s = s as f32;
-            let (depth, density) = (cubic.depth_of(s), cubic.density_of(s));
-            (depth.into(), (density * length).into())
-        },
-    );
-    (s as f32).mul_add(length, a.t)
 }
 
 /// The argument in [0, 1] at which a rising function is within `tolerance` of `target`, from a

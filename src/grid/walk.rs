@@ -84,7 +84,9 @@ pub fn walk(
         lookups: 0,
     };
     cross(grid, majorants, ray, [t0, t1], &mut pieces);
-    pieces.stretch();
+    if pieces.constant.2 != 0.0 {
+        pieces.stretch();
+    }
     pieces.lookups
 }
 
@@ -170,7 +172,7 @@ struct Pieces<V> {
     line: Line,
     bends: Bends,
     visit: V,
-    /// A stretch of one value, which may go on.
+    /// A stretch of one value, which may go on; of 0, where there is none.
     constant: (f64, f64, f32),
     /// Where the last cell ended, and the value there: the field is continuous, so the next one
     /// begins with it.
@@ -184,14 +186,13 @@ impl<V: FnMut(Piece) -> bool> Pieces<V> {
     /// A cell as a piece.
     #[inline(always)]
     fn piece(&mut self, cell: &Crossing, corners: &Corners) -> bool {
-        let at = |t: f64| corners.at_exactly(self.line.inside(cell.low, t));
         let (from, value) = self.last;
         let begin = if from == cell.from {
             value
         } else {
-            at(cell.from)
+            self.begin(cell, corners)
         };
-        let end = at(cell.to);
+        let end = corners.at_exactly(self.line.inside(cell.low, cell.to));
         let (place, length) = self.line.middle(cell);
         let mean = corners.mean_along(place, length * length, &self.bends);
         let mut piece = Piece {
@@ -212,8 +213,14 @@ impl<V: FnMut(Piece) -> bool> Pieces<V> {
         piece.integral == 0.0 || (self.visit)(piece)
     }
 
-    /// The stretch of one value as a piece.
-    #[inline]
+    /// The value at the begin of a cell that follows no other: out of the way of those that do.
+    #[inline(never)]
+    fn begin(&self, cell: &Crossing, corners: &Corners) -> f64 {
+        corners.at_exactly(self.line.inside(cell.low, cell.from))
+    }
+
+    /// The stretch of one value as a piece: out of the way as well.
+    #[inline(never)]
     fn stretch(&mut self) -> bool {
         let (from, to, value) = std::mem::take(&mut self.constant);
         let piece = Piece {
@@ -222,7 +229,7 @@ impl<V: FnMut(Piece) -> bool> Pieces<V> {
             density: [value; 3],
             integral: f64::from(value) * (to - from),
         };
-        value == 0.0 || piece.t_min >= piece.t_max || (self.visit)(piece)
+        piece.t_min >= piece.t_max || (self.visit)(piece)
     }
 }
 
@@ -239,7 +246,7 @@ impl<V: FnMut(Piece) -> bool> Crossed for Pieces<V> {
             self.constant = (begin, to, value);
             return true;
         }
-        let go_on = self.stretch();
+        let go_on = before == 0.0 || self.stretch();
         if go_on {
             self.constant = (from, to, value);
         }
@@ -256,7 +263,8 @@ impl<V: FnMut(Piece) -> bool> Crossed for Pieces<V> {
         if is_constant {
             return self.constant(cell.from, cell.to, corners.get([0; 3]));
         }
-        self.stretch() && self.piece(cell, corners)
+        let (.., before) = self.constant;
+        (before == 0.0 || self.stretch()) && self.piece(cell, corners)
     }
 
     #[inline(always)]

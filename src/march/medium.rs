@@ -2,16 +2,17 @@
 //!
 //! ```text
 //! D(t)  cubic Hermite between knots (t, D, density)      density = dD/dt      [m], [1]
-//! bin   = (t - t_0) * bins / length      names the last knot at or before its start
+//! bin   = (t - t_0) * bins / length      names the last cubic that begins in a bin before
 //! ```
 //!
-//! See `march` for what the knots hold. Equal bins of t, two for each knot, take a reading to its
-//! knots in a step or two, however unevenly they lie.
+//! See `march` for what the knots hold. Equal bins of t, two for each cubic, take a reading to its
+//! own in a step or two, however unevenly they lie. A cubic's begin and a reading are put into bins
+//! by the same steps, which never fall as t rises: what begins in a bin before begins before.
 
 use wide::f32x8;
 
 use crate::grid::walk::{Piece, walk};
-use crate::hermite::{Cubic, Knot, distance};
+use crate::hermite::{Cubic, Knot};
 use crate::medium::GridField;
 use crate::ray::Ray;
 use crate::scene::March;
@@ -25,35 +26,41 @@ pub(super) struct MediumProfile<S> {
     pub(super) medium: usize,
     /// Extinction where the density is 1. \[1/m\]
     pub(super) sigma_t: S,
-    /// In order of t; at least two, or none.
-    pub(super) knots: Vec<Knot>,
-    /// Between each two of them, and [`Cubic::END`].
+    /// In order of t, without gaps, and [`Cubic::END`] once it is indexed.
     cubics: Vec<Cubic>,
-    /// Depth of the last knot, before rounding: hundreds of cells add up. \[m\]
+    /// The last knot; nowhere in an empty profile.
+    pub(super) end: Knot,
+    /// Depth there, before rounding: hundreds of cells add up. \[m\]
     total: f64,
-    /// Index of the last knot at or before each of equal bins of t.
+    /// Index of the last cubic that begins in a bin before, for each of equal bins of t; the last
+    /// entry is no bin.
     bins: Vec<u32>,
     /// Bins per metre.
     bin_scale: f32,
 }
 
-/// Bins of a profile for each knot: enough that a reading scans one knot or two.
-const BINS_PER_KNOT: f32 = 2.0;
-/// How far before its begin a bin looks for its knot, and the least of it for each bin before. Less:
-/// rounding puts a t into a bin whose knot is beyond it; more: longer scans. \[bins\]
-const MARGIN: f32 = 1.0 / 64.0;
-const MARGIN_PER_BIN: f32 = 8.0 * f32::EPSILON;
+/// Bins of a profile for each cubic: enough that a reading scans one or two.
+const BINS_PER_CUBIC: usize = 2;
+/// Cubics that there is room for from the start. Fewer: the first ray's are moved many times.
+const ROOM: usize = 128;
 
 impl<S: Spectrum> MediumProfile<S> {
     /// Empties the profile for another medium.
     pub(super) fn begin(&mut self, medium: usize, sigma_t: S) {
         self.medium = medium;
         self.sigma_t = sigma_t;
-        self.knots.clear();
+        self.cubics.clear();
+        self.cubics.reserve(ROOM);
+        // Before the first piece there is no gap.
+        self.end = Knot {
+            t: f32::INFINITY,
+            depth: 0.0,
+            density: 0.0,
+        };
         self.total = 0.0;
     }
 
-    /// Knots of a grid along the ray.
+    /// Cubics of a grid along the ray.
     pub(super) fn march(
         &mut self,
         field: &GridField,
@@ -68,7 +75,7 @@ impl<S: Spectrum> MediumProfile<S> {
                 let local = field.placement.exact_ray(ray);
                 let lookups = walk(&field.grid, &field.majorants, &local, 0.0, t_max, |piece| {
                     self.push(piece);
-                    self.knots.last().is_some_and(|last| last.depth < spent)
+                    self.end.depth < spent
                 });
                 counters.density_lookups += lookups;
             }
@@ -86,7 +93,7 @@ impl<S: Spectrum> MediumProfile<S> {
                     let density = cursor.lookup(local.at(0.5 * (a + b)));
                     counters.density_lookups += 1;
                     self.push(Piece::constant(a, b, density));
-                    if self.knots.last().is_some_and(|last| last.depth >= spent) {
+                    if self.end.depth >= spent {
                         break;
                     }
                 }
@@ -94,77 +101,73 @@ impl<S: Spectrum> MediumProfile<S> {
         }
     }
 
-    /// Appends a piece; a gap before it has density 0.
+    /// Appends a piece; a gap before it has density 0. Always inlined: what of a piece is not asked
+    /// for is not computed.
+    #[inline(always)]
     pub(super) fn push(&mut self, piece: Piece) {
         let [first, _, last] = piece.density;
-        if let Some(knot) = self.knots.last().copied() {
-            if knot.t < piece.t_min {
-                self.knots.push(Knot {
-                    density: 0.0,
-                    ..knot
-                });
-                self.knots.push(Knot {
-                    t: piece.t_min,
-                    density: 0.0,
-                    ..knot
-                });
-            }
-            if self.knots.last().is_some_and(|k| k.density != first) {
-                self.knots.push(Knot {
-                    t: piece.t_min,
-                    density: first,
-                    ..knot
-                });
-            }
-        } else {
-            self.knots.push(Knot {
-                t: piece.t_min,
-                depth: 0.0,
-                density: first,
+        let begin = Knot {
+            t: piece.t_min,
+            density: first,
+            ..self.end
+        };
+        if self.end.t < piece.t_min {
+            let [from, to] = [self.end, begin].map(|knot| Knot {
+                density: 0.0,
+                ..knot
             });
+            self.cubics.push(Cubic::between(from, to));
         }
         self.total += piece.integral;
-        self.knots.push(Knot {
+        self.end = Knot {
             t: piece.t_max,
             depth: self.total as f32,
             density: last,
-        });
+        };
+        self.cubics.push(Cubic::between(begin, self.end));
     }
 
-    /// Makes cubics and bins.
+    /// The last knot, if there is any.
+    #[inline]
+    pub(super) fn end(&self) -> Option<Knot> {
+        (!self.cubics.is_empty()).then_some(self.end)
+    }
+
+    /// The cubics, once they are indexed.
+    pub(super) fn cubics(&self) -> &[Cubic] {
+        self.cubics.split_last().map_or(&[], |(_, cubics)| cubics)
+    }
+
+    /// Puts the cubics into bins.
     pub(super) fn index(&mut self) {
         self.bins.clear();
-        self.cubics.clear();
-        let (Some(first), Some(last)) = (self.knots.first(), self.knots.last()) else {
+        let Some(first) = self.cubics.first() else {
             return;
         };
-        let pairs = self.knots.windows(2);
-        self.cubics
-            .extend(pairs.map(|pair| Cubic::between(pair[0], pair[1])));
-        self.cubics.push(Cubic::END);
-        let count = (self.knots.len() as f32 * BINS_PER_KNOT).ceil();
-        let length = last.t - first.t;
-        self.bin_scale = if length > 0.0 { count / length } else { 0.0 };
+        let count = BINS_PER_CUBIC * self.cubics.len();
+        self.bin_scale = count as f32 / (self.end.t - first.t);
         if !self.bin_scale.is_finite() {
             self.bin_scale = 0.0;
         }
-        let width = 1.0 / self.bin_scale.max(f32::MIN_POSITIVE);
-        let mut knot = 0;
-        for bin in 0..=count as u32 {
-            let before = MARGIN.max(MARGIN_PER_BIN * bin as f32);
-            let t = (bin as f32 - before).mul_add(width, first.t);
-            while self.cubics[knot + 1].t <= t {
-                knot += 1;
-            }
-            self.bins.push(knot as u32);
+        self.bins.resize(count + 2, 0);
+        let start = first.t;
+        for (i, cubic) in (0..).zip(&self.cubics) {
+            let bin = ((cubic.t - start) * self.bin_scale) as usize;
+            self.bins[bin.min(count) + 1] = i;
         }
+        let mut last = 0;
+        for bin in &mut self.bins {
+            last = last.max(*bin);
+            *bin = last;
+        }
+        self.cubics.push(Cubic::END);
     }
 
     /// The bin of each t.
     #[inline]
     fn bin(&self, t: f32x8) -> [i32; 8] {
-        let last = (self.bins.len() - 1) as f32;
-        let bin = (t - f32x8::splat(self.knots[0].t)) * f32x8::splat(self.bin_scale);
+        let last = (self.bins.len() - 2) as f32;
+        let bin = (t - f32x8::splat(self.cubics[0].t)) * f32x8::splat(self.bin_scale);
         let bin = bin.fast_min(f32x8::splat(last)).fast_max(f32x8::ZERO);
         bin.fast_trunc_int().to_array()
     }
@@ -185,8 +188,8 @@ impl<S: Spectrum> MediumProfile<S> {
     /// The cubic around t, or at the nearer end.
     #[inline]
     pub(super) fn at(&self, t: f32) -> &Cubic {
-        let bin = (t - self.knots[0].t) * self.bin_scale;
-        self.cubic((bin as usize).min(self.bins.len() - 1), t)
+        let bin = (t - self.cubics[0].t) * self.bin_scale;
+        self.cubic((bin as usize).min(self.bins.len() - 2), t)
     }
 
     /// Integral of the density, and the density, at eight points.
@@ -199,11 +202,8 @@ impl<S: Spectrum> MediumProfile<S> {
 
     /// Where the integral of the density reaches `depth`.
     pub(super) fn distance_at(&self, depth: f32) -> f32 {
-        let knots = &self.knots[..];
-        let i = knots
-            .partition_point(|k| k.depth <= depth)
-            .clamp(1, knots.len() - 1);
-        let (a, b) = (knots[i - 1], knots[i]);
-        distance(a, b, depth)
+        let cubics = self.cubics();
+        let i = cubics.partition_point(|cubic| cubic.end_depth <= depth);
+        cubics[i.min(cubics.len() - 1)].distance(depth)
     }
 }

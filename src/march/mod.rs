@@ -93,13 +93,13 @@ impl<S: Spectrum> Profile<S> {
                         .plateau
                         .pieces(&field.placement.exact_ray(ray), 0.0, t_end, |piece| {
                             profile.push(piece);
-                            profile.knots.last().is_some_and(|last| last.depth < spent)
+                            profile.end.depth < spent
                         });
                 }
             }
-            match profile.knots.last().copied() {
+            match profile.end() {
                 None => self.used -= 1,
-                Some(last) if last.depth >= spent => self.t_end = t_end.min(last.t),
+                Some(end) if end.depth >= spent => self.t_end = t_end.min(end.t),
                 Some(_) => {}
             }
         }
@@ -226,9 +226,9 @@ impl<S: Spectrum> Profile<S> {
                 .map(|c| profile.sigma_t.channel(c))
                 .fold(f32::INFINITY, f32::min);
             let mut next = 0;
-            for knot in &profile.knots {
-                while next < N && knot.depth * thinnest >= depths[next] {
-                    ends[next] = ends[next].min(knot.t);
+            for cubic in profile.cubics() {
+                while next < N && cubic.end_depth * thinnest >= depths[next] {
+                    ends[next] = ends[next].min(cubic.end);
                     next += 1;
                 }
             }
@@ -241,9 +241,9 @@ impl<S: Spectrum> Profile<S> {
     pub fn extent(&self) -> (f32, f32) {
         self.media[..self.used]
             .iter()
-            .fold((f32::INFINITY, 0.0), |(a, b), p| match p.knots[..] {
-                [first, .., last] => (a.min(first.t), b.max(last.t.min(self.t_end))),
-                _ => (a, b),
+            .fold((f32::INFINITY, 0.0), |(a, b), p| match p.cubics() {
+                [first, ..] => (a.min(first.t), b.max(p.end.t.min(self.t_end))),
+                [] => (a, b),
             })
     }
 
@@ -253,9 +253,9 @@ impl<S: Spectrum> Profile<S> {
             .iter()
             .filter(|p| p.medium == medium)
         {
-            for pair in profile.knots.windows(2) {
-                if pair[1].depth > pair[0].depth && pair[0].t < self.t_end {
-                    visit(pair[0].t, pair[1].t);
+            for cubic in profile.cubics() {
+                if cubic.rises() && cubic.t < self.t_end {
+                    visit(cubic.t, cubic.end);
                 }
             }
         }
