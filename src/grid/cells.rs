@@ -8,7 +8,7 @@
 //!
 //! Everything is f64 in lanes, whole numbers too: from one cell to the next are a dozen
 //! instructions, and none of them a branch that is guessed. What is known of a brick is kept until
-//! the ray leaves its box. Octants of a brick in which there is nothing are passed over: within the
+//! the ray leaves it. Octants of a brick in which there is nothing are passed over: within the
 //! box of a wisp of smoke that is a third of the cells.
 //!
 //! Segments end at faces rounded to f32. Cells tile a segment to the bit all the same: what is
@@ -16,8 +16,7 @@
 //! that is wrong by the square of the sliver: below 1e-13 voxels times the field's slope, which
 //! only the integral of a ray that touches the field and no more would show.
 
-use glam::IVec3;
-use wide::f64x4;
+use wide::{f64x4, i32x4};
 
 use super::place::Spot;
 use super::{BRICK, Grid};
@@ -116,6 +115,8 @@ pub(super) struct Cells<'a> {
     next: f64x4,
     t: f64,
     t_end: f64,
+    /// How far a cell goes at least: any but the last, and the last.
+    least: [f64; 2],
     /// Cells that are left.
     left: u32,
 }
@@ -146,6 +147,7 @@ impl<'a> Cells<'a> {
             next,
             t,
             t_end,
+            least: [f64::NEG_INFINITY, t_end],
             left: 1 + lesser(x + y + z, most) as u32,
         }
     }
@@ -160,7 +162,8 @@ impl<'a> Cells<'a> {
         let crossing = Crossing {
             low: self.low,
             from: self.t,
-            to: if self.left == 0 { self.t_end } else { to },
+            // From a table: a choice would be made a branch, and guessed.
+            to: greater(to, self.least[usize::from(self.left == 0)]),
         };
         self.t = to;
         let mask = self.next.simd_le(f64x4::splat(nearest));
@@ -182,15 +185,15 @@ fn greater(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
 }
 
-/// The stored cells of a brick, as a ray sees them.
+/// A brick and its stored cells, as a ray sees them.
 pub(super) struct Boxed {
-    /// Lowest voxels of the first cell and of the last.
+    /// Lowest voxels of the first stored cell and of the last.
     low: f64x4,
     high: f64x4,
     /// Voxel in the middle of the brick.
     middle: f64x4,
     /// Octants around it that are not empty, bit by bit.
-    octants: u32,
+    octants: u64,
     /// From a value to the next on each axis.
     strides: f64x4,
     /// Index of the value at voxel (0, 0, 0), were it stored.
@@ -200,11 +203,11 @@ pub(super) struct Boxed {
 }
 
 impl Boxed {
-    /// No cell.
+    /// No brick.
     pub(super) const NONE: Self = Self {
-        low: f64x4::splat(f64::INFINITY),
+        low: f64x4::new([f64::INFINITY, f64::INFINITY, f64::INFINITY, 0.0]),
         high: f64x4::ZERO,
-        middle: f64x4::ZERO,
+        middle: f64x4::splat(f64::INFINITY),
         octants: 0,
         strides: f64x4::ZERO,
         base: 0.0,
@@ -212,58 +215,47 @@ impl Boxed {
         slab: 0,
     };
 
-    /// The brick of a cell, or that cell alone if it is not stored.
+    /// The brick of a cell.
     #[inline(always)]
-    pub(super) fn around(grid: &Grid, low: f64x4) -> Self {
-        let [x, y, z, _] = low.to_array();
-        let cell = [x as i32, y as i32, z as i32];
-        let place = grid.place(cell);
-        let spot = place.open(grid.constants).spot(cell);
-        let corner = cell.map(|c| c & -BRICK);
-        let four = |v: IVec3| {
-            let v = v + IVec3::from_array(corner);
-            f64x4::new([v.x.into(), v.y.into(), v.z.into(), 0.0])
-        };
-        let one = f64::from(u8::from(!spot.is_constant()));
-        let strides = f64x4::new([spot.slab.into(), spot.row.into(), one, 0.0]);
-        let [a, b, c, _] = (strides * low).to_array();
-        let mut this = Self {
+    pub(super) fn around(grid: &Grid, cell: f64x4) -> Self {
+        let [x, y, z, _] = cell.to_array();
+        let place = grid.place([x as i32, y as i32, z as i32]);
+        let edge = f64::from(BRICK);
+        let corner = (cell * f64x4::splat(1.0 / edge)).floor() * f64x4::splat(edge);
+        let (low, last) = place.cells();
+        let low = corner + f64x4::from_i32x4(low);
+        let [row, slab, one] = place.strides();
+        let strides = f64x4::from_i32x4(i32x4::new([slab, row, one, 0]));
+        Self {
             low,
-            high: low,
-            middle: four(IVec3::splat(BRICK / 2)),
+            high: low + f64x4::from_i32x4(last),
+            middle: corner + f64x4::splat(0.5 * edge),
             octants: place.octants(),
             strides,
-            base: spot.start as f64 - (a + b + c),
-            row: spot.row,
-            slab: spot.slab,
-        };
-        if place.is_constant() {
-            this.low = four(IVec3::ZERO);
-            this.high = four(IVec3::splat(BRICK - 1));
-            if grid.values.at(spot.start) != 0.0 {
-                this.octants = 0xff;
-            }
-        } else if spot.is_constant() {
-            this.octants = 0;
-        } else {
-            let first = place.low();
-            this.low = four(first);
-            this.high = four(first + place.size() - IVec3::splat(2));
+            // Whole numbers of such a size are exact.
+            base: place.base() as f64 - (strides * corner).reduce_add(),
+            row: row as u8,
+            slab: slab as u8,
         }
-        this
     }
 
-    /// True if a cell is one of the brick's that are stored.
+    /// True if a cell is one of the brick's.
     #[inline(always)]
     pub(super) fn has(&self, cell: f64x4) -> bool {
-        (cell.simd_ge(self.low) & cell.simd_le(self.high)).all()
+        let half = f64x4::splat(0.5 * f64::from(BRICK));
+        let (first, beyond) = (self.middle - half, self.middle + half);
+        (cell.simd_ge(first) & cell.simd_lt(beyond)).all()
     }
 
-    /// True unless the octant of such a cell is empty.
+    /// True if a cell is one of the brick's that are stored, and its octant is not empty.
     #[inline(always)]
     pub(super) fn is_filled(&self, cell: f64x4) -> bool {
-        let octant = cell.simd_ge(self.middle).to_bitmask() & 7;
-        self.octants >> octant & 1 != 0
+        let stored = cell.simd_ge(self.low) & cell.simd_le(self.high);
+        // No octant has a number beyond 7: outside there is none. The fourth lane is always inside,
+        // and below the middle.
+        let outside = (!stored).to_bitmask();
+        let octant = cell.simd_ge(self.middle).to_bitmask();
+        self.octants >> (octant + 8 * outside) & 1 != 0
     }
 
     /// Where the corners of such a cell are.

@@ -140,7 +140,8 @@ impl Builder {
             if entry & CONSTANT == 0 {
                 own[*entry as usize].place
             } else {
-                Place::constant(constants + 2 * (entry & !CONSTANT) as usize)
+                let number = (entry & !CONSTANT) as usize;
+                Place::constant(constants + 2 * number, number == 0)
             }
         };
         Ok(Grid {

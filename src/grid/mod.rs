@@ -239,7 +239,8 @@ impl Grid {
     #[inline]
     fn constant_place(&self, entry: u32) -> Option<Place> {
         let number = (entry & !CONSTANT) as usize;
-        (entry & CONSTANT != 0).then(|| Place::constant(self.constants + 2 * number))
+        let place = || Place::constant(self.constants + 2 * number, number == 0);
+        (entry & CONSTANT != 0).then(place)
     }
 
     /// Place of the brick around a voxel.
@@ -252,7 +253,7 @@ impl Grid {
             (z >> TOP_LOG2) as u32,
         );
         if top.x >= self.dims.x || top.y >= self.dims.y || top.z >= self.dims.z {
-            return Place::constant(self.constants);
+            return Place::constant(self.constants, true);
         }
         let entry = self.top[top_index(self.dims, top)];
         if let Some(place) = self.constant_place(entry) {

@@ -16,6 +16,7 @@
 //! fetches for several look-ups at a time.
 
 use glam::IVec3;
+use wide::i32x4;
 
 /// Where the values of a brick are: 37 bits of `base`, below 0 in the first bricks; three fields of
 /// 4 bits for the lowest corner and three for the last cell of the box from there; a bit for a
@@ -53,6 +54,8 @@ const CONSTANT_BIT: u32 = 63;
 const HIGH: u32 = 0x888;
 /// Bits of a place for each octant, in the order of their numbers: x + 2 y + 4 z.
 const OCTANTS: [u32; 8] = [37, 38, 39, 43, 47, 51, 55, 59];
+/// All of them.
+const ALL_OCTANTS: u64 = 7 << 37 | 0x11111 << 43;
 
 impl Place {
     /// One more than the last index that a value can have: 256 GiB of 32-bit ones.
@@ -71,18 +74,19 @@ impl Place {
         Self(base | pack(low) << FIELDS | last << (FIELDS + 12) | octants)
     }
 
-    /// The constant that stands at `start` and beyond it.
+    /// The constant that stands at `start` and beyond it, 0 or not.
     #[inline]
-    pub(super) fn constant(start: usize) -> Self {
+    pub(super) fn constant(start: usize, is_zero: bool) -> Self {
         let last = 0x777 << (FIELDS + 12);
-        Self(start as u64 | last | 1 << CONSTANT_BIT)
+        let octants = if is_zero { 0 } else { ALL_OCTANTS };
+        Self(start as u64 | last | octants | 1 << CONSTANT_BIT)
     }
 
-    /// Octants that are not empty, bit by bit; none of a constant.
+    /// Octants that are not empty, bit by bit.
     #[inline]
-    pub(super) fn octants(self) -> u32 {
+    pub(super) fn octants(self) -> u64 {
         let bit = |(i, at): (usize, &u32)| (self.0 >> at & 1) << i;
-        OCTANTS.iter().enumerate().map(bit).sum::<u64>() as u32
+        OCTANTS.iter().enumerate().map(bit).sum()
     }
 
     /// True if all values are that at [`Self::start`].
@@ -93,7 +97,7 @@ impl Place {
 
     /// Index of corner (0, 0, 0), were it stored.
     #[inline(always)]
-    fn base(self) -> i64 {
+    pub(super) fn base(self) -> i64 {
         (self.0 << (64 - BASE_BITS)) as i64 >> (64 - BASE_BITS)
     }
 
@@ -122,6 +126,24 @@ impl Place {
     #[inline]
     fn last_bits(self) -> u32 {
         (self.0 >> (FIELDS + 12)) as u32 & 0x777
+    }
+
+    /// The first of the cells and, from there, the last: of a constant, all of the brick's.
+    #[inline]
+    pub(super) fn cells(self) -> (i32x4, i32x4) {
+        let unpack = |bits: u32| {
+            let bits = bits as i32;
+            i32x4::new([bits >> 8, bits >> 4 & 15, bits & 15, 0])
+        };
+        (unpack(self.low_bits()), unpack(self.last_bits()))
+    }
+
+    /// From a value to the next in y, x and z; 0 of a constant.
+    #[inline]
+    pub(super) fn strides(self) -> [i32; 3] {
+        let (last, varies) = (self.last_bits() as i32, i32::from(!self.is_constant()));
+        let row = ((last & 15) + 2) * varies;
+        [row, ((last >> 4 & 15) + 2) * row, varies]
     }
 
     /// What a look-up in the brick needs of it; 0 stands at `zero`.
@@ -222,7 +244,11 @@ mod tests {
                 }
             }
         }
-        let spot = Place::constant(5).open(zero).spot([7, 0, 3]);
-        assert_eq!((spot.start, spot.row, spot.slab), (5, 0, 0));
+        for is_zero in [false, true] {
+            let place = Place::constant(5, is_zero);
+            assert_eq!(place.octants(), if is_zero { 0 } else { 0xff });
+            let spot = place.open(zero).spot([7, 0, 3]);
+            assert_eq!((spot.start, spot.row, spot.slab), (5, 0, 0));
+        }
     }
 }

@@ -150,11 +150,14 @@ fn cross(
         }
         let mut cells = Cells::new(&line, from, to, most);
         while let Some(cell) = cells.next() {
-            if !brick.has(cell.low) {
-                brick = Boxed::around(grid, cell.low);
-            }
             if !brick.is_filled(cell.low) {
-                continue;
+                if brick.has(cell.low) {
+                    continue;
+                }
+                brick = Boxed::around(grid, cell.low);
+                if !brick.is_filled(cell.low) {
+                    continue;
+                }
             }
             let spot = brick.spot(cell.low);
             if !crossed.cell(&cell, &grid.values.corners(spot), spot.is_constant()) {
