@@ -12,10 +12,11 @@
 //! onto a diffuse hit is sampled here and not in the surface map; lights that are met count only
 //! if no next event was joined to them (seen directly, or after a mirror or lens).
 //!
-//! A chain goes on through specular and glossy surfaces (one direction is drawn at each, so a
-//! glass edge is noise that the passes average) and through boundaries that bend nothing. It ends
+//! A chain goes on through specular and glossy surfaces and through boundaries that bend nothing. At
+//! smooth glass it follows the reflected ray as well as the refracted one as long as both bring
+//! [`SPLIT_ABOVE`] to the camera; below that, and on what is rough, one direction is drawn. It ends
 //! at a diffuse surface, where it leaves, by Russian roulette once its throughput is below
-//! `ROULETTE_BELOW`, or after [`MAX_PREFIX`] events.
+//! [`ROULETTE_BELOW`], or after [`MAX_PREFIX`] events.
 
 use crate::estimate::beam::Stretch;
 use crate::estimate::direct::DirectLights;
@@ -32,12 +33,19 @@ use crate::ray::Ray;
 use crate::reference::MAX_PREFIX;
 use crate::scene::{March, Rgb};
 use crate::spectrum::Spectrum;
-use crate::surface::{Bsdf, Hit, Inside, SampleKind, Surfaces, Transport};
+use crate::surface::{Bsdf, BsdfSample, Hit, Inside, SampleKind, Surfaces, Transport};
 use crate::tracking::Sampler;
 use crate::world::{World, passes};
 
 /// Throughput below which Russian roulette begins. Higher: shorter chains, noisier.
-const ROULETTE_BELOW: f32 = 0.1;
+const ROULETTE_BELOW: f32 = 0.02;
+
+/// Throughput of the lesser of two rays from which on both are followed. Higher: one of them is drawn
+/// more often, which is noise in what is seen through glass; lower: more rays.
+const SPLIT_ABOVE: f32 = 0.01;
+
+/// Rays that may wait until another is followed to its end. With more of them one is drawn.
+const MOST_WAITING: usize = 8;
 
 /// Transmittance below which what lies behind is not looked at; the profile's own end is e^-18.
 const SPENT: f32 = 1e-7;
@@ -76,6 +84,8 @@ pub struct Scratch<S> {
     pub profile: Profile<S>,
     /// Of the step at hand.
     pub sphere: Sphere,
+    /// Rays that are still to be followed.
+    waiting: Vec<Link<S>>,
 }
 
 impl<S: Spectrum> Default for Scratch<S> {
@@ -83,6 +93,7 @@ impl<S: Spectrum> Default for Scratch<S> {
         Self {
             profile: Profile::default(),
             sphere: Sphere::default(),
+            waiting: Vec::new(),
         }
     }
 }
@@ -100,6 +111,8 @@ pub struct Link<S> {
     throughput: S,
     /// Lights that are met count.
     lights_count: bool,
+    /// Specular and glossy events before.
+    events: u32,
 }
 
 impl<S: Spectrum> Link<S> {
@@ -112,6 +125,7 @@ impl<S: Spectrum> Link<S> {
             inside: world.camera_inside,
             throughput: transmittance,
             lights_count: true,
+            events: 0,
         }
     }
 }
@@ -147,25 +161,28 @@ impl<S: Spectrum, H: Heading> Chain<'_, S, H> {
             indirect: S::ZERO,
         };
         let mut link = first;
-        let mut events = 0;
+        let mut goes_on = self.turn(&mut link, &mut scratch.waiting, &mut sum, sampler);
         for _ in 0..MAX_STRETCHES {
-            if link.throughput.max_channel() < SPENT
-                || !self.turn(&mut link, &mut events, &mut sum, sampler)
-            {
-                break;
+            if !goes_on {
+                let Some(next) = scratch.waiting.pop() else {
+                    break;
+                };
+                link = next;
             }
-            if !self.stretch(&mut link, scratch, &mut sum, sampler) {
-                break;
-            }
+            goes_on = link.throughput.max_channel() >= SPENT
+                && self.stretch(&mut link, scratch, &mut sum, sampler)
+                && self.turn(&mut link, &mut scratch.waiting, &mut sum, sampler);
         }
+        scratch.waiting.clear();
         sum
     }
 
-    /// What happens at the hit; false where the chain ends, else `link.ray` goes on.
+    /// What happens at the hit; false where the chain ends, else `link.ray` goes on, and another ray
+    /// may wait.
     fn turn(
         &self,
         link: &mut Link<S>,
-        events: &mut u32,
+        waiting: &mut Vec<Link<S>>,
         sum: &mut Layers<S>,
         sampler: &mut Sampler,
     ) -> bool {
@@ -201,11 +218,30 @@ impl<S: Spectrum, H: Heading> Chain<'_, S, H> {
             }
             return false;
         }
-        let u = [sampler.uniform(), sampler.uniform(), sampler.uniform()];
-        *events += 1;
-        let Some(sample) = bsdf.sample(direction, u, Transport::Radiance) else {
+        if link.events == MAX_PREFIX {
             return false;
-        };
+        }
+        link.events += 1;
+        if waiting.len() < MOST_WAITING
+            && let Some(both) = bsdf.split(direction, Transport::Radiance)
+        {
+            let [reflected, refracted] =
+                both.map(|sample| (link.throughput * S::from_rgb(sample.weight)).max_channel());
+            if reflected.min(refracted) >= SPLIT_ABOVE {
+                let mut other = *link;
+                if self.depart(&mut other, &both[1], sampler) {
+                    waiting.push(other);
+                }
+                return self.depart(link, &both[0], sampler);
+            }
+        }
+        let u = [sampler.uniform(), sampler.uniform(), sampler.uniform()];
+        bsdf.sample(direction, u, Transport::Radiance)
+            .is_some_and(|sample| self.depart(link, &sample, sampler))
+    }
+
+    /// Leaves a hit by a sampled direction; false where roulette ends the chain.
+    fn depart(&self, link: &mut Link<S>, sample: &BsdfSample, sampler: &mut Sampler) -> bool {
         link.throughput *= S::from_rgb(sample.weight);
         link.lights_count = sample.kind == SampleKind::Specular;
         sampler.counters.effects.specular += u64::from(sample.kind != SampleKind::Diffuse);
@@ -217,23 +253,26 @@ impl<S: Spectrum, H: Heading> Chain<'_, S, H> {
             link.throughput *= ROULETTE_BELOW / most;
         }
         if sample.transmitted {
-            surfaces.cross(&hit, sample.direction, &mut link.inside);
-            if surfaces.encloses(hit.object) {
+            self.surfaces
+                .cross(&link.hit, sample.direction, &mut link.inside);
+            if self.surfaces.encloses(link.hit.object) {
                 sampler.counters.effects.boundaries += 1;
             }
         }
         link.ray = Ray {
-            origin: hit.spawn_origin(sample.direction),
+            origin: link.hit.spawn_origin(sample.direction),
             direction: sample.direction,
         };
-        *events <= MAX_PREFIX
+        true
     }
 
     /// The stretch up to the next surface; false where the ray leaves.
     fn stretch(
         &self,
         link: &mut Link<S>,
-        Scratch { profile, sphere }: &mut Scratch<S>,
+        Scratch {
+            profile, sphere, ..
+        }: &mut Scratch<S>,
         sum: &mut Layers<S>,
         sampler: &mut Sampler,
     ) -> bool {

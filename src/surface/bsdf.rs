@@ -155,6 +155,27 @@ impl Bsdf {
         }
     }
 
+    /// The reflected and the refracted continuation at smooth glass, each weighted by its share;
+    /// `None` where there is but one, and for other surfaces.
+    #[must_use]
+    pub fn split(&self, w_in: Vec3, transport: Transport) -> Option<[BsdfSample; 2]> {
+        if !matches!(self.lobe, Lobe::Glass { ggx: None, .. }) {
+            return None;
+        }
+        // The least and the greatest of the uniforms that choose.
+        let [reflected, refracted] = [0.0, 1.0 - 0.5 * f32::EPSILON]
+            .map(|choice| self.sample(w_in, [choice, 0.0, 0.0], transport));
+        let (mut reflected, mut refracted) = (reflected?, refracted?);
+        if reflected.transmitted || !refracted.transmitted {
+            return None;
+        }
+        for sample in [&mut reflected, &mut refracted] {
+            sample.weight *= sample.pdf;
+            sample.pdf = 1.0;
+        }
+        Some([reflected, refracted])
+    }
+
     /// Draws a continuation from three uniforms in [0, 1): one for the choice of lobe, two for the
     /// direction. `None`: the path ends here.
     #[must_use]

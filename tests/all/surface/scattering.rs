@@ -415,6 +415,42 @@ fn snell_fresnel_and_total_reflection() {
 }
 
 #[test]
+fn smooth_glass_splits_into_what_it_samples() {
+    let mut split_ups = 0;
+    for (bsdf, w_in) in cases(&GLASS) {
+        let drawn = |rng: &mut _| {
+            let sample = bsdf.sample(w_in, uniforms(rng), Transport::Radiance);
+            sample.expect("smooth glass never ends a path")
+        };
+        let mut rng = generator(67);
+        let Some(both) = bsdf.split(w_in, Transport::Radiance) else {
+            // All is reflected.
+            assert!((0..1000).all(|_| !drawn(&mut rng).transmitted));
+            continue;
+        };
+        split_ups += 1;
+        let mut means = [Mean::default(), Mean::default()];
+        for _ in 0..20_000 {
+            let sample = drawn(&mut rng);
+            let side = usize::from(sample.transmitted);
+            assert_eq!(sample.direction, both[side].direction);
+            means[side].add(f64::from(sample.weight.x));
+            means[1 - side].add(0.0);
+        }
+        for (part, mean) in both.iter().zip(&means) {
+            let exact = f64::from(part.weight.x);
+            let z = (mean.mean() - exact) / mean.variance().sqrt();
+            assert!(z.abs() < Z, "{} drawn, {exact} split: z {z}", mean.mean());
+        }
+    }
+    assert_eq!(split_ups, 5, "all but the one beyond the critical angle");
+    for (name, material) in rough_materials() {
+        let none = |(bsdf, w_in): (Bsdf, Vec3)| bsdf.split(w_in, Transport::Power).is_none();
+        assert!(cases(&material).into_iter().all(none), "{name}");
+    }
+}
+
+#[test]
 fn a_glass_ball_is_invisible_in_a_furnace() {
     // Radiance 1 everywhere: whatever the path through the ball, its factors cancel on the way
     // out. Rough glass loses what single scattering loses; smooth glass nothing.
