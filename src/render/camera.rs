@@ -1,10 +1,15 @@
 //! Camera rays: what each sees but for the photons along it.
+//!
+//! What the media send along the first stretch, and what lies behind them, are estimates of their
+//! own, each from the rays that it is worth: `bright`, `edges`.
 
 use super::Job;
-use super::bright::STRATA;
+use super::{bright, edges};
+use crate::estimate::chain::{Chain, Link, Scratch};
 use crate::estimate::emission;
 use crate::film::Sample;
 use crate::march::Profile;
+use crate::photon::Heading;
 use crate::ray::Ray;
 use crate::rng::Rng;
 use crate::spectrum::Spectrum;
@@ -32,6 +37,14 @@ impl Default for Sum {
 }
 
 impl Sum {
+    /// Adds light and alpha.
+    pub(super) fn add(&mut self, sample: &Sample) {
+        self.sample.direct += sample.direct;
+        self.sample.indirect += sample.indirect;
+        self.sample.emission += sample.emission;
+        self.sample.alpha += sample.alpha;
+    }
+
     pub(super) fn mean(&self, rays: u32) -> Sample {
         let w = 1.0 / rays as f32;
         Sample {
@@ -48,75 +61,141 @@ impl Sum {
     }
 }
 
-/// Everything of a camera ray up to the first surface but its photons: profile, background,
-/// emission, first order. Returns the surface that it meets. `lens` draws points on the lens.
+/// Points on the lens; in its middle without a stream.
+pub(super) struct Lens(pub(super) Option<Rng>);
+
+impl Lens {
+    fn point(&mut self) -> [f32; 2] {
+        let drawn = self.0.as_mut().map(|rng| [rng.uniform(), rng.uniform()]);
+        drawn.unwrap_or([0.0; 2])
+    }
+}
+
+/// What the media send along the first stretch of a camera ray but for photons: emission, first
+/// order. Leaves the ray and its profile, and returns what ends the stretch.
 pub(super) fn camera_ray<S: Spectrum>(
     job: &Job<'_, S>,
     pixel: [u32; 2],
     (ray, profile): (&mut Ray, &mut Profile<S>),
     sum: &mut Sum,
-    lens: Option<&mut Rng>,
+    lens: &mut Lens,
     sampler: &mut Sampler,
-) -> Option<Hit> {
+) -> First<S> {
     let world = job.world;
     let counts = &mut sampler.counters.effects;
     counts.coloured += u64::from(S::CHANNELS > 1);
     counts.surface_rays += u64::from(world.surfaces.is_some());
-    counts.lens_points += u64::from(lens.is_some());
+    counts.lens_points += u64::from(lens.0.is_some());
     let [jx, jy] = sampler.uniform2();
-    let mut lens = lens;
-    let mut aperture = || {
-        let drawn = lens.as_mut().map(|rng| [rng.uniform(), rng.uniform()]);
-        drawn.unwrap_or([0.0; 2])
-    };
     *ray = world
         .camera
-        .ray([pixel[0] as f32 + jx, pixel[1] as f32 + jy], aperture());
-    let First { hit, light, t_max } = first_stretch(job, (ray, profile), sampler);
-    let behind = match (&hit, light) {
-        (Some(_), _) => S::ZERO,
-        (None, Some((_, l))) => l,
-        (None, None) => world.background(ray.direction),
-    };
-    let mut l = profile.transmittance * behind;
-    let [emitted, first] = if job.bright.holds(pixel) {
-        in_strata(job, pixel, aperture, sampler)
+        .ray([pixel[0] as f32 + jx, pixel[1] as f32 + jy], lens.point());
+    let first = first_stretch(job, (ray, profile), sampler);
+    let [emitted, scattered] = if job.bright.holds(pixel) {
+        in_strata(job, pixel, lens, sampler)
     } else {
         along(job, ray, profile, sampler)
     };
-    l += emitted;
-    sum.sample.emission += l.to_rgb();
-    sum.sample.direct += first.to_rgb();
-    let alpha = if light.is_some() || hit.is_some() {
-        1.0
-    } else {
-        1.0 - profile.transmittance.mean()
-    };
-    sum.sample.alpha += alpha;
-    if alpha > 0.0 {
+    sum.sample.emission += emitted.to_rgb();
+    sum.sample.direct += scattered.to_rgb();
+    if first.alpha(profile) > 0.0 {
         // Where half of what is seen lies in front.
-        let half = if hit.is_some() {
+        let half = if first.hit.is_some() {
             std::f32::consts::LN_2
         } else {
             -(-0.5 * (1.0 - profile.transmittance.channel(0))).ln_1p()
         };
         sum.sample.depth += if profile.is_clear() {
-            t_max
+            first.t_max
         } else {
             profile.distance_at(half, 0)
         };
         sum.met += 1;
     }
-    hit
+    first
+}
+
+/// What lies behind the media of a pixel, by the ray whose first stretch is known or by rays of its
+/// own; `profile` is for theirs.
+pub(super) fn behind<S: Spectrum, H: Heading>(
+    job: &Job<'_, S>,
+    chain: Option<&Chain<'_, S, H>>,
+    pixel: [u32; 2],
+    known: (&Ray, &Profile<S>, &First<S>),
+    (lens, scratch, profile): (&mut Lens, &mut Scratch<S>, &mut Profile<S>),
+    sampler: &mut Sampler,
+) -> Sample {
+    if !job.edges.holds(pixel) {
+        return behind_ray(job, chain, known, scratch, sampler);
+    }
+    let mut sum = Sum::default();
+    let rays = edges::STRATA * edges::STRATA;
+    for point in strata(pixel, edges::STRATA) {
+        let ray = job.world.camera.ray(point(sampler), lens.point());
+        let first = first_stretch(job, (&ray, profile), sampler);
+        sampler.counters.effects.surface_rays += 1;
+        let known = (&ray, &*profile, &first);
+        sum.add(&behind_ray(job, chain, known, scratch, sampler));
+    }
+    sum.mean(rays)
+}
+
+/// What lies behind the media of a ray: surfaces, a lamp or the sky.
+fn behind_ray<S: Spectrum, H: Heading>(
+    job: &Job<'_, S>,
+    chain: Option<&Chain<'_, S, H>>,
+    (ray, profile, first): (&Ray, &Profile<S>, &First<S>),
+    scratch: &mut Scratch<S>,
+    sampler: &mut Sampler,
+) -> Sample {
+    let mut sample = Sample {
+        alpha: first.alpha(profile),
+        ..Sample::NOTHING
+    };
+    let tr = profile.transmittance;
+    match (first.hit, first.light, chain) {
+        (Some(hit), _, Some(chain)) => {
+            let link = Link::first(job.world, ray, hit, tr);
+            chain.follow(link, scratch, sampler).add_to(&mut sample);
+        }
+        (Some(_), _, None) => {}
+        (None, Some((_, l)), _) => sample.emission = (tr * l).to_rgb(),
+        (None, None, _) => sample.emission = (tr * job.world.background(ray.direction)).to_rgb(),
+    }
+    sample
+}
+
+/// Points of a pixel, one in each of n x n strata, drawn when they are called for.
+fn strata(pixel: [u32; 2], n: u32) -> impl Iterator<Item = impl FnOnce(&mut Sampler) -> [f32; 2]> {
+    (0..n * n).map(move |i| {
+        move |sampler: &mut Sampler| {
+            let (cell, jitter) = ([i % n, i / n], sampler.uniform2());
+            [0, 1].map(|axis| {
+                pixel[axis] as f32 + (cell[axis] as f32 + jitter[axis]) * (1.0 / n as f32)
+            })
+        }
+    })
 }
 
 /// What ends the first stretch of a camera ray.
-struct First<S> {
-    hit: Option<Hit>,
+pub(super) struct First<S> {
+    /// A surface.
+    pub(super) hit: Option<Hit>,
     /// A light that is seen, in place of a surface: distance \[m\] and radiance.
     light: Option<(f32, S)>,
     /// \[m\]
     t_max: f32,
+}
+
+impl<S: Spectrum> First<S> {
+    /// What is seen of the media and of what ends them, against the background.
+    fn alpha(&self, profile: &Profile<S>) -> f32 {
+        if self.light.is_some() || self.hit.is_some() {
+            1.0
+        } else {
+            1.0 - profile.transmittance.mean()
+        }
+    }
 }
 
 /// Marches a camera ray up to its first surface or light.
@@ -171,22 +250,17 @@ fn along<S: Spectrum>(
 fn in_strata<S: Spectrum>(
     job: &Job<'_, S>,
     pixel: [u32; 2],
-    mut aperture: impl FnMut() -> [f32; 2],
+    lens: &mut Lens,
     sampler: &mut Sampler,
 ) -> [S; 2] {
     let mut profile = Profile::default();
     let mut sums = [S::ZERO; 2];
-    for i in 0..STRATA * STRATA {
-        let cell = [i % STRATA, i / STRATA];
-        let jitter = sampler.uniform2();
-        let point = [0, 1].map(|axis| {
-            pixel[axis] as f32 + (cell[axis] as f32 + jitter[axis]) * (1.0 / STRATA as f32)
-        });
-        let ray = job.world.camera.ray(point, aperture());
+    for point in strata(pixel, bright::STRATA) {
+        let ray = job.world.camera.ray(point(sampler), lens.point());
         first_stretch(job, (&ray, &mut profile), sampler);
         for (sum, found) in sums.iter_mut().zip(along(job, &ray, &profile, sampler)) {
             *sum += found;
         }
     }
-    sums.map(|sum| sum * (1.0 / (STRATA * STRATA) as f32))
+    sums.map(|sum| sum * (1.0 / (bright::STRATA * bright::STRATA) as f32))
 }

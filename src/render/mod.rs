@@ -9,6 +9,7 @@
 mod bright;
 mod camera;
 pub mod checkpoint;
+mod edges;
 pub mod error;
 mod forecast;
 mod path;
@@ -41,6 +42,7 @@ use crate::world::{LoadedVolume, World};
 
 use bright::BrightPixels;
 use checkpoint::{Checkpoint, SAVE_EVERY};
+use edges::EdgePixels;
 
 pub use forecast::Forecast;
 
@@ -370,6 +372,7 @@ struct Job<'a, S> {
     grid: TileGrid,
     lights: &'a DirectLights,
     bright: &'a BrightPixels,
+    edges: &'a EdgePixels,
 }
 
 /// Builds the world of a scene, and does something in it.
@@ -394,17 +397,20 @@ fn in_world<S: Spectrum, T>(
     let lights = DirectLights::new(&world, plan.photons.then_some(settings.photons), rays);
     let [x0, y0, x1, y1] = scene.settings.crop.unwrap_or([0, 0, width, height]);
     let bright = BrightPixels::new(&world, plan, settings.method, [width, height]);
+    let grid = TileGrid {
+        low: [x0, y0],
+        high: [x1, y1],
+    };
+    let edges = EdgePixels::new(&world, settings.method, &grid);
     Ok(then(&Job {
         scene,
         world: &world,
         plan,
         exec,
-        grid: TileGrid {
-            low: [x0, y0],
-            high: [x1, y1],
-        },
+        grid,
         lights: &lights,
         bright: &bright,
+        edges: &edges,
     }))
 }
 

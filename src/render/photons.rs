@@ -4,17 +4,18 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
-use super::camera::{Sum, camera_ray};
+use super::camera::{Lens, Sum, behind, camera_ray};
 use super::pilot::Radii;
 use super::{Gathered, Job, Tally};
 use crate::estimate::bands::{BandTiles, Bands, TILE, TILE_RAYS};
 use crate::estimate::beam::Stretch;
-use crate::estimate::chain::{Chain, Link, Scratch};
+use crate::estimate::chain::{Chain, Scratch};
 use crate::estimate::gather::MediaPhotons;
 use crate::estimate::point::PointMap;
 use crate::estimate::tiles::TileRays;
 use crate::estimate::wall::Wall;
 use crate::film::Sample;
+use crate::march::Profile;
 use crate::photon::map::PhotonMap;
 use crate::photon::radius::radius_scale;
 use crate::photon::surface::{SurfaceGather, SurfaceMap};
@@ -227,6 +228,8 @@ pub(super) struct Band<'a, S: Spectrum, H> {
     tiles: Option<[BandTiles; 2]>,
     chain: Option<Chain<'a, S, H>>,
     scratch: Scratch<S>,
+    /// Of rays to what lies behind the media.
+    beyond: Profile<S>,
 }
 
 impl<'a, S: Spectrum, H: Heading> Band<'a, S, H> {
@@ -257,6 +260,7 @@ impl<'a, S: Spectrum, H: Heading> Band<'a, S, H> {
                 emission: job.plan.emission,
             }),
             scratch: Scratch::default(),
+            beyond: Profile::default(),
         }
     }
 
@@ -288,19 +292,23 @@ impl<'a, S: Spectrum, H: Heading> Band<'a, S, H> {
                 let stream = u64::from(self.pass) * u64::from(settings.spp) + u64::from(s);
                 let mut sampler =
                     Sampler::new(Rng::stream(settings.seed, Stage::Camera, stream, index));
-                let mut lens =
+                let lens =
                     (job.plan.lens).then(|| Rng::stream(settings.seed, Stage::Lens, stream, index));
+                let mut lens = Lens(lens);
                 let (ray, profile) = (&mut rays.rays[i], &mut rays.profiles[i]);
                 let sum = &mut sum[i];
-                let hit = camera_ray(job, pixel, (ray, profile), sum, lens.as_mut(), &mut sampler);
-                rays.walls[i] = hit.map_or(Wall::NONE, |hit| Wall::new(&rays.rays[i], &hit, hit.t));
-                if let (Some(chain), Some(hit)) = (&self.chain, hit) {
-                    let tr = rays.profiles[i].transmittance;
-                    let link = Link::first(job.world, &rays.rays[i], hit, tr);
-                    chain
-                        .follow(link, &mut self.scratch, &mut sampler)
-                        .add_to(&mut sum.sample);
-                }
+                let first = camera_ray(job, pixel, (ray, profile), sum, &mut lens, &mut sampler);
+                rays.walls[i] = first
+                    .hit
+                    .map_or(Wall::NONE, |hit| Wall::new(ray, &hit, hit.t));
+                sum.add(&behind(
+                    job,
+                    self.chain.as_ref(),
+                    pixel,
+                    (ray, profile, &first),
+                    (&mut lens, &mut self.scratch, &mut self.beyond),
+                    &mut sampler,
+                ));
                 if let (Some(photons), None) = (&gather.alone, &gather.tiles) {
                     let stretch = Stretch {
                         ray: &rays.rays[i],
