@@ -42,7 +42,7 @@ const FEWEST_SAMPLES: u32 = 2;
 const SAMPLES_PER_PHOTON: f64 = 0.006;
 
 /// Points on lights joined to a point of a surface, where lights are wide or picked from.
-const SURFACE_SAMPLES: u32 = 4;
+const SURFACE_SAMPLES: u32 = 8;
 
 /// Distances sampled on each of `rays` camera rays of a pass, beside as many photons.
 ///
