@@ -26,6 +26,8 @@ pub enum Stage {
     Check = 5,
     /// Points on the lens: a stream of their own, so that a pinhole's rays are the same with them.
     Lens = 6,
+    /// Photons that stand for others.
+    Few = 7,
 }
 
 /// One random stream.

@@ -317,7 +317,8 @@ impl<S: Spectrum, H: Heading> Chain<'_, S, H> {
                         end.map_or(Wall::NONE, |hit| Wall::new(&ray, &hit, hit.t)),
                     ],
                 };
-                let [first, higher] = photons.radiance(world, &stretch, sphere, sampler);
+                let seen = (&stretch, link.throughput.max_channel());
+                let [first, higher] = photons.radiance(world, seen, sphere, sampler);
                 sum.direct += link.throughput * first;
                 sum.indirect += link.throughput * higher;
             }

@@ -96,7 +96,7 @@ pub(super) fn forecast<S: Spectrum, H: Heading>(job: &Job<'_, S>, build: Duratio
         counts.emitted = settings.photons * u64::from(settings.passes);
         counts.stored = (passes * ratio * photons.stored() as f64) as u64;
         let clock = Instant::now();
-        let sorted = Gather::new(job, Some((photons.clone(), radii)), [1.0; 2]);
+        let sorted = Gather::new(job, Some((photons.clone(), radii)), [1.0; 2], 0);
         map.seconds = tally.times.map + passes * ratio * clock.elapsed().as_secs_f64();
         map.bytes = ratio * sorted.memory_bytes() as f64;
         Few {
@@ -174,7 +174,7 @@ fn beams<S: Spectrum, H: Heading>(job: &Job<'_, S>, few: Option<Few<'_, S, H>>) 
                 .collect()
         })
     };
-    let without = tiles(&Gather::new(job, None, [1.0; 2]));
+    let without = tiles(&Gather::new(job, None, [1.0; 2], 0));
     let Some(Few {
         photons,
         radii,
@@ -185,7 +185,7 @@ fn beams<S: Spectrum, H: Heading>(job: &Job<'_, S>, few: Option<Few<'_, S, H>>) 
     };
     let dimension = blur_dimension(job.scene.settings.method);
     let scale = ratio.powf(1.0 / f64::from(dimension)) as f32;
-    let with = tiles(&Gather::new(job, Some((photons, radii)), [scale, 1.0]));
+    let with = tiles(&Gather::new(job, Some((photons, radii)), [scale, 1.0], 0));
     let passes = job.scene.settings.passes.clamp(1, MOST_PASSES);
     let squares =
         (0..passes).map(|pass| f64::from(radius_scale(pass, dimension)).powi(dimension as i32));

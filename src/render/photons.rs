@@ -16,7 +16,6 @@ use crate::estimate::tiles::TileRays;
 use crate::estimate::wall::Wall;
 use crate::film::Sample;
 use crate::march::Profile;
-use crate::photon::map::PhotonMap;
 use crate::photon::radius::radius_scale;
 use crate::photon::surface::{SurfaceGather, SurfaceMap};
 use crate::photon::{Heading, Photons, TraceSettings, trace_photons};
@@ -67,7 +66,7 @@ fn gathered<S: Spectrum, H: Heading>(
     tally: &mut Tally,
 ) -> Vec<Sample> {
     let clock = Instant::now();
-    let gather = Gather::new(job, traced, scales);
+    let gather = Gather::new(job, traced, scales, pass);
     tally.memory.map = tally.memory.map.max(gather.memory_bytes() as u64);
     tally.times.map += clock.elapsed().as_secs_f64();
 
@@ -136,6 +135,7 @@ impl<'a, S: Spectrum, H: Heading> Gather<'a, S, H> {
         job: &Job<'_, S>,
         traced: Option<(Photons<S, H>, &'a Radii<S>)>,
         [scale, steps]: [f32; 2],
+        pass: u32,
     ) -> Self {
         let settings = &job.scene.settings;
         let mut spheres = None;
@@ -170,7 +170,6 @@ impl<'a, S: Spectrum, H: Heading> Gather<'a, S, H> {
         let (_, before) = job.world.media_for(&job.world.camera_inside);
         let tiled = !job.plan.lens && !before.is_empty();
         let bands = |photons| Bands::new(photons, &job.world.camera, &job.grid);
-        let map = |photons| MediaPhotons::Beam(photons, settings.kernel);
         let (tiles, alone) = match (tiled, job.plan.lens || job.plan.follow) {
             (true, true) => (Some(photons.clone().map(bands)), Some(photons)),
             (true, false) => (Some(photons.map(bands)), None),
@@ -178,7 +177,10 @@ impl<'a, S: Spectrum, H: Heading> Gather<'a, S, H> {
         };
         Self {
             tiles,
-            alone: alone.map(|photons| map(photons.map(PhotonMap::new))),
+            alone: alone.map(|photons| {
+                let draws = || Rng::stream(settings.seed, Stage::Few, pass.into(), 0);
+                MediaPhotons::beam(photons, settings.kernel, job.plan.follow.then(draws))
+            }),
             surface,
         }
     }
@@ -318,7 +320,7 @@ impl<'a, S: Spectrum, H: Heading> Band<'a, S, H> {
                     };
                     let found = photons.radiance(
                         job.world,
-                        &stretch,
+                        (&stretch, 1.0),
                         &mut self.scratch.sphere,
                         &mut sampler,
                     );
