@@ -10,7 +10,7 @@ use super::{Gathered, Job, Tally};
 use crate::estimate::bands::{BandTiles, Bands, TILE, TILE_RAYS};
 use crate::estimate::beam::Stretch;
 use crate::estimate::chain::{Chain, Scratch};
-use crate::estimate::gather::MediaPhotons;
+use crate::estimate::gather::{BeamPhotons, MediaPhotons};
 use crate::estimate::point::PointMap;
 use crate::estimate::tiles::TileRays;
 use crate::estimate::wall::Wall;
@@ -179,7 +179,9 @@ impl<'a, S: Spectrum, H: Heading> Gather<'a, S, H> {
             tiles,
             alone: alone.map(|photons| {
                 let draws = || Rng::stream(settings.seed, Stage::Few, pass.into(), 0);
-                MediaPhotons::beam(photons, settings.kernel, job.plan.follow.then(draws))
+                let draws = job.plan.follow.then(draws);
+                let photons = BeamPhotons::new(photons, settings.kernel, draws);
+                MediaPhotons::Beam(Box::new(photons))
             }),
             surface,
         }
