@@ -191,3 +191,107 @@ impl Sight {
             || off > SET_BACK * way.length()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::{DAffine3, DVec3};
+
+    use super::*;
+    use crate::scene::{Material, Object, Rgb, Scene, Shape};
+    use crate::selftest::fields::scene;
+
+    const SIDE: u32 = 128;
+    const RADIUS: f64 = 0.2;
+
+    fn object(shape: Shape, material: Material) -> Object {
+        Object {
+            name: "object".to_owned(),
+            shape,
+            transform: DAffine3::IDENTITY,
+            material,
+            interior: None,
+        }
+    }
+
+    /// A ball before a mirror that fills the picture, and where its image stands behind it.
+    fn ball_before_a_mirror() -> (Scene, [DVec3; 2]) {
+        let mut scene = scene(4.0, [SIDE, SIDE]);
+        let center = DVec3::new(1.0, 0.1, 0.5);
+        let mirror = Shape::Quad {
+            corner: DVec3::new(-3.0, -3.0, -1.0),
+            edge_u: DVec3::X * 6.0,
+            edge_v: DVec3::Y * 6.0,
+        };
+        scene.objects = vec![
+            object(
+                Shape::Sphere {
+                    center,
+                    radius: RADIUS,
+                },
+                Material::Diffuse {
+                    reflectance: Rgb::splat(0.5),
+                    texture: None,
+                },
+            ),
+            object(
+                mirror,
+                Material::Mirror {
+                    reflectance: Rgb::ONE,
+                },
+            ),
+        ];
+        let image = center.with_z(-2.0 - center.z);
+        (scene, [center, image])
+    }
+
+    /// Pixels across which the outline of a ball or of its mirror image runs have rays of their own, and
+    /// none two pixels away; a crop has the same ones.
+    #[test]
+    fn outlines_are_found_and_nothing_else() {
+        let (scene, balls) = ball_before_a_mirror();
+        let world = World::<f32>::new(&scene, Vec::new()).expect("a world");
+        let balls = balls.map(|ball| (ball - world.origin).as_vec3());
+        let pixels = |low, high| EdgePixels::new(&world, Method::Beam, &TileGrid { low, high });
+        let all = pixels([0; 2], [SIDE; 2]);
+        let crop = pixels([60, 50], [128, 80]);
+        // Distance of a point of the picture from an outline, over that of a pixel, roughly.
+        let off = |point: [f32; 2]| {
+            let ray = world.camera.ray(point, [0.0; 2]);
+            let outline = |ball: Vec3| {
+                let way = ball - ray.origin;
+                let along = way.dot(ray.direction);
+                let pixel = along / world.camera.pixels_per_slope()[1];
+                ((way - along * ray.direction).length() - RADIUS as f32) / pixel
+            };
+            balls
+                .map(outline)
+                .into_iter()
+                .map(f32::abs)
+                .fold(f32::INFINITY, f32::min)
+        };
+        let (mut found, mut far) = (0, 0);
+        for y in 0..SIDE {
+            for x in 0..SIDE {
+                let d = off([x as f32 + 0.5, y as f32 + 0.5]);
+                let holds = all.holds([x, y]);
+                assert!(holds || d > 0.3, "({x}, {y}) is {d} from an outline");
+                assert!(!holds || d < 2.0, "({x}, {y}) is {d} from an outline");
+                found += u32::from(holds);
+                far += u32::from(!holds);
+                if (60..128).contains(&x) && (50..80).contains(&y) {
+                    assert_eq!(crop.holds([x, y]), holds, "({x}, {y}) in a crop");
+                }
+            }
+        }
+        assert!(found > 60 && far > 10_000, "{found} and {far} pixels");
+        let paths = EdgePixels::new(
+            &world,
+            Method::Path,
+            &TileGrid {
+                low: [0; 2],
+                high: [SIDE; 2],
+            },
+        );
+        assert!(!paths.holds([0, 0]), "paths have none");
+    }
+}
