@@ -14,9 +14,9 @@
 //!
 //! A chain goes on through specular and glossy surfaces and through boundaries that bend nothing. At
 //! smooth glass it follows the reflected ray as well as the refracted one as long as both bring
-//! [`SPLIT_ABOVE`] to the camera; below that, and on what is rough, one direction is drawn. It ends
+//! `SPLIT_ABOVE` to the camera; below that, and on what is rough, one direction is drawn. It ends
 //! at a diffuse surface, where it leaves, by Russian roulette once its throughput is below
-//! [`ROULETTE_BELOW`], or after [`MAX_PREFIX`] events.
+//! `ROULETTE_BELOW`, or after [`MAX_PREFIX`] events.
 
 use crate::estimate::beam::Stretch;
 use crate::estimate::direct::DirectLights;
