@@ -2,6 +2,7 @@
 
 use std::time::Instant;
 
+use glam::Vec3;
 use rayon::prelude::*;
 
 use super::camera::{Lens, Sum, behind, camera_ray};
@@ -15,6 +16,7 @@ use crate::estimate::point::PointMap;
 use crate::estimate::tiles::TileRays;
 use crate::estimate::wall::Wall;
 use crate::film::Sample;
+use crate::light::Light;
 use crate::march::Profile;
 use crate::photon::radius::radius_scale;
 use crate::photon::surface::{SurfaceGather, SurfaceMap};
@@ -23,6 +25,7 @@ use crate::rng::{Rng, Stage};
 use crate::scene::Method;
 use crate::spectrum::Spectrum;
 use crate::tracking::{Counters, Sampler};
+use crate::world::World;
 
 /// One pass of the beam estimate or of the point estimate; with `second`, its photons are gathered
 /// once more with all radii times that, along the same camera rays.
@@ -113,6 +116,27 @@ pub(super) fn trace<S: Spectrum, H: Heading>(
     trace_photons::<S, H>(job.world, &trace)
 }
 
+/// Radius of a photon of first order over its distance from a lamp that is a point: light falls off
+/// as 1 / d^2 there, and beside the edge of a cone at once. Larger: lamps' cones are blurred at their
+/// tips; smaller: noise around lamps.
+const NEAR_LAMP: f32 = 0.2;
+
+/// Where lamps that are points are.
+fn lamps<S: Spectrum>(world: &World<S>) -> Vec<Vec3> {
+    let lamps = world.lights.iter();
+    lamps
+        .filter(|light| matches!(light, Light::Point(_) | Light::Spot(_)))
+        .filter_map(Light::position)
+        .collect()
+}
+
+/// Largest radius at a point, for the lamps around it. \[m\]
+fn near_lamp(lamps: &[Vec3], p: Vec3) -> f32 {
+    let distance2 = |lamp: &Vec3| lamp.distance_squared(p);
+    let nearest = lamps.iter().map(distance2).fold(f32::INFINITY, f32::min);
+    NEAR_LAMP * nearest.sqrt()
+}
+
 /// Dimension of what the kernels of a method blur.
 pub(super) fn blur_dimension(method: Method) -> u32 {
     if method == Method::Point { 3 } else { 2 }
@@ -144,10 +168,12 @@ impl<'a, S: Spectrum, H: Heading> Gather<'a, S, H> {
         if let Some((traced, radii)) = traced {
             spheres = Some(radii);
             photons = [traced.first, traced.higher];
-            for photon in &mut photons {
-                photon.par_iter_mut().for_each(|p| {
+            let lamps = lamps(job.world);
+            for (photons, lamps) in photons.iter_mut().zip([&lamps[..], &[]]) {
+                photons.par_iter_mut().for_each(|p| {
                     let radius = radii.media.at(p.position);
-                    p.set_radius(radius.min(radii.rate.reach(p.position)) * scale);
+                    let radius = radius.min(radii.rate.reach(p.position));
+                    p.set_radius(radius.min(near_lamp(lamps, p.position)) * scale);
                 });
             }
             surface = radii.surfaces.as_ref().map(|radius| SurfaceGather {
@@ -353,5 +379,24 @@ impl<'a, S: Spectrum, H: Heading> Band<'a, S, H> {
             }
         }
         sum
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The nearest of the lamps that are points decides; without any there is no limit.
+    #[test]
+    fn radii_are_small_near_lamps() {
+        assert_eq!(near_lamp(&[], Vec3::ONE), f32::INFINITY);
+        let two = [Vec3::ZERO, Vec3::new(3.0, 0.0, 0.0)];
+        for (x, distance) in [(0.0, 0.0), (1.0, 1.0), (2.5, 0.5), (-2.0, 2.0)] {
+            let found = near_lamp(&two, Vec3::new(x, 0.0, 0.0));
+            assert!(
+                (found - NEAR_LAMP * distance).abs() < 1e-6,
+                "{found} at {x}"
+            );
+        }
     }
 }
