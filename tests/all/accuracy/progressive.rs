@@ -1,8 +1,9 @@
 //! The rate of the progressive beam estimate: bias² and variance against passes, each beside what
 //! the schedule of radii says of it (`study::rate`), and relMSE beside the theory's N^(-2/3).
 //!
-//! A point light in thin fog, single scattering, all light from photons, radii the same everywhere
-//! and wide beside a pixel: nothing but what the theory is about. The reference is a quadrature,
+//! A small lamp in thin fog, single scattering, all light from photons, radii the same everywhere
+//! and wide beside a pixel: nothing but what the theory is about. A lamp of 100 W and a radius of 1 cm,
+//! since radii are not the same around one that is a point. The reference is a quadrature,
 //!
 //! ```text
 //! L = ∫ σ_s / 4π · Φ / (4π d²) · exp(-σ_t (d + t)) dt         d distance from the light
@@ -43,7 +44,7 @@ box = { min = [-4, -4, -4], max = [4, 4, 4] }
 extinction = 0.1
 albedo = 0.9
 [[light]]
-point = { position = [0.0, 1.3, 0.0], power = 100.0 }
+sphere = { center = [0.0, 1.3, 0.0], radius = 0.01, radiance = 25330.296 }
 ";
 
 const PASSES: [u32; 7] = [1, 2, 4, 8, 16, 32, 64];
