@@ -121,20 +121,40 @@ pub(super) fn trace<S: Spectrum, H: Heading>(
 /// tips; smaller: noise around lamps.
 const NEAR_LAMP: f32 = 0.2;
 
-/// Where lamps that are points are.
-fn lamps<S: Spectrum>(world: &World<S>) -> Vec<Vec3> {
-    let lamps = world.lights.iter();
-    lamps
-        .filter(|light| matches!(light, Light::Point(_) | Light::Spot(_)))
-        .filter_map(Light::position)
-        .collect()
+/// Where radii of first order end.
+struct NearLamps {
+    /// Lamps that are points.
+    lamps: Vec<Vec3>,
+    camera: Vec3,
+    /// Width of a pixel a metre away. \[m\]
+    pixel: f32,
 }
 
-/// Largest radius at a point, for the lamps around it. \[m\]
-fn near_lamp(lamps: &[Vec3], p: Vec3) -> f32 {
-    let distance2 = |lamp: &Vec3| lamp.distance_squared(p);
-    let nearest = lamps.iter().map(distance2).fold(f32::INFINITY, f32::min);
-    NEAR_LAMP * nearest.sqrt()
+impl NearLamps {
+    fn new<S: Spectrum>(world: &World<S>) -> Self {
+        let lamps = world.lights.iter();
+        let lamps = lamps
+            .filter(|light| matches!(light, Light::Point(_) | Light::Spot(_)))
+            .filter_map(Light::position);
+        Self {
+            lamps: lamps.collect(),
+            camera: world.camera.position,
+            pixel: world.camera.pixels_per_slope()[1].recip(),
+        }
+    }
+
+    /// Largest radius at a point. No less than a pixel: blur in it is not seen, and what one ray finds
+    /// of discs smaller than it has a variance without bound, as there are ever brighter ones toward
+    /// the lamp. \[m\]
+    fn limit(&self, p: Vec3) -> f32 {
+        let distance2 = |lamp: &Vec3| lamp.distance_squared(p);
+        let nearest = self
+            .lamps
+            .iter()
+            .map(distance2)
+            .fold(f32::INFINITY, f32::min);
+        (NEAR_LAMP * nearest.sqrt()).max(self.pixel * p.distance(self.camera))
+    }
 }
 
 /// Dimension of what the kernels of a method blur.
@@ -168,12 +188,13 @@ impl<'a, S: Spectrum, H: Heading> Gather<'a, S, H> {
         if let Some((traced, radii)) = traced {
             spheres = Some(radii);
             photons = [traced.first, traced.higher];
-            let lamps = lamps(job.world);
-            for (photons, lamps) in photons.iter_mut().zip([&lamps[..], &[]]) {
+            let near_lamps = NearLamps::new(job.world);
+            for (photons, near_lamps) in photons.iter_mut().zip([Some(&near_lamps), None]) {
                 photons.par_iter_mut().for_each(|p| {
                     let radius = radii.media.at(p.position);
                     let radius = radius.min(radii.rate.reach(p.position));
-                    p.set_radius(radius.min(near_lamp(lamps, p.position)) * scale);
+                    let limit = near_lamps.map_or(f32::INFINITY, |near| near.limit(p.position));
+                    p.set_radius(radius.min(limit) * scale);
                 });
             }
             surface = radii.surfaces.as_ref().map(|radius| SurfaceGather {
@@ -386,17 +407,25 @@ impl<'a, S: Spectrum, H: Heading> Band<'a, S, H> {
 mod tests {
     use super::*;
 
-    /// The nearest of the lamps that are points decides; without any there is no limit.
+    /// The nearest of the lamps that are points decides, a pixel is the least, and without lamps there
+    /// is no limit.
     #[test]
     fn radii_are_small_near_lamps() {
-        assert_eq!(near_lamp(&[], Vec3::ONE), f32::INFINITY);
-        let two = [Vec3::ZERO, Vec3::new(3.0, 0.0, 0.0)];
-        for (x, distance) in [(0.0, 0.0), (1.0, 1.0), (2.5, 0.5), (-2.0, 2.0)] {
-            let found = near_lamp(&two, Vec3::new(x, 0.0, 0.0));
-            assert!(
-                (found - NEAR_LAMP * distance).abs() < 1e-6,
-                "{found} at {x}"
-            );
+        let near = |lamps: &[Vec3]| NearLamps {
+            lamps: lamps.to_vec(),
+            camera: Vec3::new(0.0, 0.0, 4.0),
+            pixel: 0.01,
+        };
+        assert_eq!(near(&[]).limit(Vec3::ONE), f32::INFINITY);
+        let two = near(&[Vec3::ZERO, Vec3::new(3.0, 0.0, 0.0)]);
+        for (x, limit) in [
+            (1.0, NEAR_LAMP),
+            (2.5, 0.5 * NEAR_LAMP),
+            (0.0, 0.04),
+            (3.0, 0.05),
+        ] {
+            let found = two.limit(Vec3::new(x, 0.0, 0.0));
+            assert!((found - limit).abs() < 1e-6, "{found} at {x}");
         }
     }
 }
