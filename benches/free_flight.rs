@@ -1,4 +1,5 @@
-//! Free flights, by the cells of the bounds that delta tracking steps through.
+//! Free flights, by the cells of the bounds that delta tracking steps through, and by how it looks
+//! the field up.
 //!
 //! ```text
 //! cargo bench --bench free_flight [-- FILE.vdb ...]
@@ -7,6 +8,11 @@
 //! photon comes in from outside, flies, turns anywhere, flies on until it is out or has turned
 //! often. All variants fly from the same places, in turn, round by round, on one thread; the best
 //! round counts. Look-ups per flight do not depend on the machine.
+//!
+//! `one tap`: the renderer's flights, which look up one corner of eight, chosen at random, and only
+//! if the bounds of small blocks leave a collision open (a global majorant has no blocks).
+//! `trilinear`: delta tracking as it is in books, a look-up of eight corners at every collision,
+//! through the same bounds.
 
 #[path = "volumes/media.rs"]
 mod media;
@@ -14,7 +20,9 @@ mod volumes;
 
 use std::sync::Arc;
 
-use vpm_vdb::medium::Medium;
+use vpm_vdb::grid::Grid;
+use vpm_vdb::grid::majorant::MajorantGrid;
+use vpm_vdb::medium::{Field, Medium};
 use vpm_vdb::ray::Ray;
 use vpm_vdb::rng::{Rng, Stage};
 use vpm_vdb::selftest::fields::{direction, ray_through};
@@ -26,6 +34,41 @@ use volumes::{files, load, timed};
 const PATHS: usize = 2000;
 const MOST_TURNS: usize = 64;
 const ROUNDS: usize = 25;
+/// Names of [`Variant`]s.
+const LOOKUPS: [&str; 2] = ["one tap", "trilinear"];
+
+/// A flight of a medium from a place.
+type Flight = fn(&Medium<f32>, &Ray, &mut Sampler) -> Option<f32>;
+
+/// The renderer's.
+fn one_tap(medium: &Medium<f32>, ray: &Ray, sampler: &mut Sampler) -> Option<f32> {
+    let mut hero = Hero::choose(&mut sampler.rng);
+    let media = std::slice::from_ref(medium);
+    sample_free_flight(media, ray, f32::INFINITY, &mut hero, sampler).map(|c| c.t)
+}
+
+/// That of books. The grid's voxels are the world here.
+fn trilinear(medium: &Medium<f32>, ray: &Ray, sampler: &mut Sampler) -> Option<f32> {
+    let Field::Grid(field) = &medium.field else {
+        return None;
+    };
+    let (grid, bounds): (&Grid, &MajorantGrid) = (&field.grid, &field.majorants);
+    let mut budget = sampler.exponential();
+    for segment in bounds.segments(ray, 0.0, f32::INFINITY) {
+        let sigma_maj = medium.sigma_t * segment.majorant;
+        let mut t = segment.t_min;
+        while budget < (segment.t_max - t) * sigma_maj {
+            t += budget / sigma_maj;
+            sampler.counters.density_lookups += 1;
+            if sampler.uniform() * segment.majorant < grid.lookup(ray.at(t)) {
+                return Some(t);
+            }
+            budget = sampler.exponential();
+        }
+        budget -= (segment.t_max - t) * sigma_maj;
+    }
+    None
+}
 
 /// Where photons fly from, flown once.
 fn starts(medium: &Medium<f32>, first: &[Ray]) -> Vec<Ray> {
@@ -34,14 +77,13 @@ fn starts(medium: &Medium<f32>, first: &[Ray]) -> Vec<Ray> {
     let mut all = Vec::new();
     for ray in first {
         let mut ray = *ray;
-        let mut hero = Hero::choose(&mut sampler.rng);
         for _ in 0..MOST_TURNS {
             all.push(ray);
-            let media = std::slice::from_ref(medium);
-            let flight = sample_free_flight(media, &ray, f32::INFINITY, &mut hero, &mut sampler);
-            let Some(collision) = flight else { break };
+            let Some(t) = one_tap(medium, &ray, &mut sampler) else {
+                break;
+            };
             ray = Ray {
-                origin: ray.at(collision.t),
+                origin: ray.at(t),
                 direction: direction(&mut random),
             };
         }
@@ -49,10 +91,30 @@ fn starts(medium: &Medium<f32>, first: &[Ray]) -> Vec<Ray> {
     all
 }
 
+/// Bounds and look-ups, and what was measured.
+struct Variant {
+    bounds: usize,
+    lookups: usize,
+    /// Of the best round. \[s\]
+    seconds: f64,
+    /// Of all rounds.
+    count: u64,
+    /// Distances summed over all rounds \[voxels\]: the same for all variants, but for noise.
+    distance: f64,
+}
+
 fn main() {
     println!(
-        "{:<24}{:<12}{:>10}{:>18}{:>16}{:>14}",
-        "", "bounds", "flights", "look-ups a flight", "M flights/s", "to global"
+        "{:<22}{:<11}{:<11}{:>9}{:>20}{:>14}{:>12}{:>11}{:>11}",
+        "",
+        "bounds",
+        "look-ups",
+        "flights",
+        "look-ups a flight",
+        "mean length",
+        "M flights/s",
+        "to global",
+        "to book's"
     );
     for file in files() {
         let (name, grid) = load(&file);
@@ -64,35 +126,45 @@ fn main() {
             .map(|_| ray_through(&grid, &mut random))
             .collect();
         let starts = starts(&media[0], &first);
-        let mut best = [f64::INFINITY; 3];
-        let mut lookups = [0.0; 3];
+        let flights: [Flight; 2] = [one_tap, trilinear];
+        let variant = |i: usize| Variant {
+            bounds: i % media.len(),
+            lookups: i / media.len(),
+            seconds: f64::INFINITY,
+            count: 0,
+            distance: 0.0,
+        };
+        let mut variants: Vec<Variant> = (0..2 * media.len()).map(variant).collect();
         for round in 0..ROUNDS {
-            for ((medium, best), lookups) in media.iter().zip(&mut best).zip(&mut lookups) {
+            for of in &mut variants {
+                let medium = &media[of.bounds];
+                let flight = flights[of.lookups];
                 let mut sampler = Sampler::new(Rng::stream(1, Stage::Check, 3, round as u64));
-                let (seconds, ()) = timed(|| {
+                let (seconds, distance) = timed(|| {
+                    let mut distance = 0.0;
                     for ray in &starts {
-                        let mut hero = Hero::choose(&mut sampler.rng);
-                        let media = std::slice::from_ref(medium);
-                        std::hint::black_box(sample_free_flight(
-                            media,
-                            ray,
-                            f32::INFINITY,
-                            &mut hero,
-                            &mut sampler,
-                        ));
+                        distance += flight(medium, ray, &mut sampler).unwrap_or(0.0);
                     }
+                    distance
                 });
-                *best = best.min(seconds);
-                *lookups += sampler.counters.density_lookups as f64;
+                of.seconds = of.seconds.min(seconds);
+                of.count += sampler.counters.density_lookups;
+                of.distance += f64::from(distance);
             }
         }
-        let flights = starts.len() as f64;
-        for (i, (merging, _)) in MERGINGS.iter().enumerate() {
+        let count = starts.len() as f64;
+        let all = count * ROUNDS as f64;
+        let global = |lookups: usize| variants[media.len() * (lookups + 1) - 1].seconds;
+        for of in &variants {
             println!(
-                "{name:<24}{merging:<12}{flights:>10}{:>18.3}{:>16.2}{:>14.2}",
-                lookups[i] / (flights * ROUNDS as f64),
-                1e-6 * flights / best[i],
-                best[2] / best[i]
+                "{name:<22}{:<11}{:<11}{count:>9}{:>20.3}{:>14.2}{:>12.2}{:>11.2}{:>11.2}",
+                MERGINGS[of.bounds].0,
+                LOOKUPS[of.lookups],
+                of.count as f64 / all,
+                of.distance / all,
+                1e-6 * count / of.seconds,
+                global(of.lookups) / of.seconds,
+                global(1) / of.seconds
             );
         }
     }

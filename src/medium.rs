@@ -16,7 +16,9 @@ use glam::{Affine3A, DAffine3, DVec3, IVec3, Vec3};
 use crate::blackbody::Blackbody;
 use crate::grid::Grid;
 use crate::grid::build::BuildError;
+use crate::grid::flights::FlightGrid;
 use crate::grid::majorant::MajorantGrid;
+use crate::grid::merge::{Bricks, Merging};
 use crate::grid::plateau::Plateau;
 use crate::phase::PhaseFunction;
 use crate::ray::{Bounds, ExactRay, Ray};
@@ -98,6 +100,8 @@ pub struct GridField {
     pub grid: Arc<Grid>,
     /// Its bounds, merged for the medium's extinction.
     pub majorants: MajorantGrid,
+    /// Those of its free flights.
+    pub flights: FlightGrid,
     /// Where it is.
     pub placement: Placement,
     /// Longest voxel edge. \[m\]
@@ -138,10 +142,14 @@ impl GridField {
                     bounds.including(local_to_world.transform_point3(corner.as_dvec3()).as_vec3());
             }
         }
-        let majorants = MajorantGrid::new(&grid, extinction, voxel_size);
+        let bricks = Bricks::new(&grid);
+        let merging = Merging::Hierarchy;
+        let majorants = MajorantGrid::of(&bricks, extinction, voxel_size, merging);
+        let flights = FlightGrid::of(&bricks, extinction, voxel_size, merging);
         Self {
             grid,
             majorants,
+            flights,
             placement: Placement::new(&local_to_world),
             voxel_size,
             bounds,

@@ -353,7 +353,7 @@ impl<S: Spectrum> World<S> {
         surfaces
             + self
                 .fields()
-                .map(|f| f.majorants.memory_bytes())
+                .map(|f| f.majorants.memory_bytes() + f.flights.memory_bytes())
                 .sum::<usize>()
     }
 

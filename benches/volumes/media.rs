@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DVec3, Vec3};
 use vpm_vdb::grid::Grid;
+use vpm_vdb::grid::flights::FlightGrid;
 use vpm_vdb::grid::majorant::MajorantGrid;
 use vpm_vdb::grid::merge::Merging;
 use vpm_vdb::grid::walk::integral;
@@ -42,6 +43,7 @@ pub(crate) fn medium(grid: &Arc<Grid>, sigma_t: f32, merging: Merging) -> Medium
     let mut field = GridField::new(Arc::clone(grid), &to_local, DVec3::ZERO, sigma_t);
     field.placement = Placement::IDENTITY;
     field.majorants = MajorantGrid::with(grid, sigma_t, 1.0, merging);
+    field.flights = FlightGrid::with(grid, sigma_t, 1.0, merging);
     Medium {
         sigma_t,
         albedo: 1.0,

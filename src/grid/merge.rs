@@ -1,18 +1,15 @@
 //! Which cells bounds are kept for: bricks, merged where that pays.
 //!
 //! ```text
-//! price(C) = 3/2 edge^2 + edge^3 sigma_t (COLLISION majorant + LOOKUP (majorant - minorant))
+//! price(C) = 3/2 edge^2 + collision edge^3 sigma_t d
+//! d          majorant, where that collides (flights.rs), or what it is above the minorant (majorant.rs)
 //! ```
 //!
-//! The work of flights through a cube, in steps from cell to cell, when each of its voxels is crossed
+//! The work of rays through a cube, in steps from cell to cell, when each of its voxels is crossed
 //! as often as any other: a line through a cube of this edge is 2/3 edge long in the mean, so that
-//! steps number 3/2 / edge in a unit of length, and collisions sigma_t majorant, of which those above
-//! the minorant cost a look-up. From the bricks up, a cube becomes one cell where that is cheaper
-//! than what it is made of, at its best. Real collisions are in both prices alike, and empty
-//! bricks always merge.
-//!
-//! A brick that is empty outside a box is dearer to step through and has collisions in its box alone:
-//! where that does not pay flights take it whole.
+//! steps number 3/2 / edge in a unit of length, and collisions sigma_t d. From the bricks up, a cube
+//! becomes one cell where that is cheaper than what it is made of, at its best. Real collisions are
+//! in both prices alike, and empty bricks always merge.
 //!
 //! Hofmann & Evans 2021 (Ray Tracing Gems II, ch. 43) merge eight cells that are whole themselves, up
 //! to an optical range of 1/ln 2 across; that counts as null collisions what the eight have themselves,
@@ -21,18 +18,10 @@
 use glam::{IVec3, UVec3};
 use rayon::prelude::*;
 
-use super::majorant::{Cell, DESCEND, MajorantGrid};
+use super::majorant::Cell;
 use super::place::Place;
+use super::tables::{DESCEND, Entry, Tables};
 use super::{BRICK, Grid, TABLE, TABLE_BRICKS, in_table, top_index};
-
-/// Time of a collision, null or real, over that of a step (docs/grid.md). Larger, as [`LOOKUP`]: more
-/// steps; smaller: more collisions.
-const COLLISION: f64 = 0.4;
-/// Time of a look-up over that of a step.
-const LOOKUP: f64 = 0.6;
-/// Time of a step through a boxed brick over that of another. Larger: more null collisions in empty
-/// corners; smaller: more steps through bricks that hardly matter.
-const BOXED_STEP: f64 = 1.4;
 
 /// Which cells the bounds are kept for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -45,164 +34,179 @@ pub enum Merging {
     Global,
 }
 
-impl MajorantGrid {
-    /// Bounds of `grid`, cells merged for `sigma_t_scale` [1/m where the density is 1] and
-    /// `voxel_size` \[m, the longest edge\].
-    #[must_use]
-    pub fn new(grid: &Grid, sigma_t_scale: f32, voxel_size: f32) -> Self {
-        let price = Price::new(sigma_t_scale, voxel_size);
-        let mut this = Self::of_tables(grid, |table| merge_table(grid, table, &price));
-        this.merge_top(&price);
-        this
-    }
+/// The bounds of a grid's bricks, before any are merged.
+pub(crate) struct Bricks<'a> {
+    pub(super) grid: &'a Grid,
+    /// By table and slot.
+    cells: Vec<Cell>,
+}
 
-    /// Bounds of `grid` in other cells than the renderer's: what those save is measured by this.
-    #[must_use]
-    pub fn with(grid: &Grid, sigma_t_scale: f32, voxel_size: f32, merging: Merging) -> Self {
-        match merging {
-            Merging::Hierarchy => Self::new(grid, sigma_t_scale, voxel_size),
-            Merging::Bricks => {
-                let mut this = Self::of_tables(grid, |table| {
-                    let cells = brick_cells(grid, table);
-                    (cells[0], cells)
-                });
-                for cell in this.top.iter_mut().filter(|c| c.link & DESCEND == 0) {
-                    cell.link = 0;
-                }
-                this
+impl<'a> Bricks<'a> {
+    /// Looks at every value of a grid.
+    pub(crate) fn new(grid: &'a Grid) -> Self {
+        let cell = |&place: &Place| {
+            let [minorant, majorant] = grid.range_at(place);
+            Cell {
+                majorant,
+                minorant,
+                link: Cell::brick_link(place),
             }
-            Merging::Global => {
-                let mut this = Self::of_tables(grid, |table| (brick_cells(grid, table)[0], vec![]));
-                let [minorant, majorant] = grid.range();
-                let edge = this.dims.max_element() * TABLE as u32;
-                this.top.fill(Cell {
-                    majorant,
-                    minorant,
-                    link: edge.next_power_of_two().ilog2(),
-                });
-                this
+        };
+        let cells = grid.tables.par_iter().map(cell).collect();
+        Self { grid, cells }
+    }
+}
+
+/// Bounds of cells merged for a price; with [`Merging::Hierarchy`], tables are kept unless they are of
+/// one value. And which of the grid's tables each one is.
+pub(super) fn merged(
+    bricks: &Bricks<'_>,
+    price: &Price,
+    merging: Merging,
+) -> (Tables<Cell>, Vec<usize>) {
+    let grid = bricks.grid;
+    match merging {
+        Merging::Hierarchy => {
+            let (mut this, kept) = of_tables(bricks, |table| merge_table(table, price));
+            merge_top(&mut this, price);
+            (this, kept)
+        }
+        Merging::Bricks => {
+            let (mut this, kept) = of_tables(bricks, <[Cell]>::to_vec);
+            for cell in this.top.iter_mut().filter(|c| c.table().is_none()) {
+                cell.link = 0;
             }
+            (this, kept)
+        }
+        Merging::Global => {
+            let [minorant, majorant] = grid.range();
+            let edge = grid.dims().max_element() * TABLE as u32;
+            let whole = Cell {
+                majorant,
+                minorant,
+                link: edge.next_power_of_two().ilog2(),
+            };
+            let this = Tables {
+                dims: grid.dims(),
+                top: vec![whole; grid.top.len()],
+                bricks: Vec::new(),
+                support: grid.support(),
+            };
+            (this, Vec::new())
         }
     }
+}
 
-    /// Bounds whose tables' bricks are merged by `merge`: the whole table's cell, and its bricks'.
-    fn of_tables(grid: &Grid, merge: impl Fn(&[Place]) -> (Cell, Vec<Cell>) + Send + Sync) -> Self {
-        let dims = grid.dims();
-        // Top cells that share a table share its bounds.
-        let merged: Vec<(Cell, Vec<Cell>)> =
-            grid.tables.par_chunks(TABLE_BRICKS).map(merge).collect();
-        let mut tables = Vec::new();
-        let wholes: Vec<Cell> = merged
-            .into_iter()
-            .map(|(mut cell, table)| {
-                if !table.is_empty() {
-                    cell.link = DESCEND | (tables.len() / TABLE_BRICKS) as u32;
-                    tables.extend(table);
-                }
-                cell
-            })
-            .collect();
-        tables.shrink_to_fit();
-        let top = grid
-            .top
-            .iter()
-            .map(|&entry| {
-                let Some(place) = grid.constant_place(entry) else {
-                    return wholes[entry as usize];
-                };
-                let [minorant, majorant] = grid.range_at(place);
-                Cell {
-                    majorant,
-                    minorant,
-                    link: TABLE.ilog2(),
-                }
-            })
-            .collect();
-        Self {
-            dims,
-            top,
-            tables,
-            support: grid.support(),
+/// Bounds whose tables' bricks are merged by `merge`, which gives one cell for a table without any.
+fn of_tables(
+    bricks: &Bricks<'_>,
+    merge: impl Fn(&[Cell]) -> Vec<Cell> + Send + Sync,
+) -> (Tables<Cell>, Vec<usize>) {
+    // Top cells that share a table share its bounds.
+    let of_tables = bricks.cells.par_chunks(TABLE_BRICKS);
+    let merged: Vec<Vec<Cell>> = of_tables.map(merge).collect();
+    let grid = bricks.grid;
+    let (mut bricks, mut kept) = (Vec::new(), Vec::new());
+    let mut wholes = Vec::new();
+    for (number, cells) in merged.into_iter().enumerate() {
+        let mut whole = cells[0];
+        if cells.len() > 1 {
+            whole.link = DESCEND | kept.len() as u32;
+            bricks.extend(cells);
+            kept.push(number);
         }
+        wholes.push(whole);
     }
+    bricks.shrink_to_fit();
+    let top = grid
+        .top
+        .iter()
+        .map(|&entry| {
+            let Some(place) = grid.constant_place(entry) else {
+                return wholes[entry as usize];
+            };
+            let [minorant, majorant] = grid.range_at(place);
+            Cell {
+                majorant,
+                minorant,
+                link: TABLE.ilog2(),
+            }
+        })
+        .collect();
+    let tables = Tables {
+        dims: grid.dims(),
+        top,
+        bricks,
+        support: grid.support(),
+    };
+    (tables, kept)
+}
 
-    /// Merges top cells, cubes of 2, 4, 8 ... at a time.
-    fn merge_top(&mut self, price: &Price) {
-        let mut size = 1u32;
-        while size * 2 <= self.dims.max_element() {
-            let double = size * 2;
-            let blocks = (self.dims + UVec3::splat(double - 1)) / double;
-            for x in 0..blocks.x {
-                for y in 0..blocks.y {
-                    for z in 0..blocks.z {
-                        self.merge_block(UVec3::new(x, y, z) * double, size, price);
-                    }
+/// Merges top cells, cubes of 2, 4, 8 ... at a time.
+fn merge_top(cells: &mut Tables<Cell>, price: &Price) {
+    let mut size = 1u32;
+    while size * 2 <= cells.dims.max_element() {
+        let double = size * 2;
+        let blocks = (cells.dims + UVec3::splat(double - 1)) / double;
+        for x in 0..blocks.x {
+            for y in 0..blocks.y {
+                for z in 0..blocks.z {
+                    merge_block(cells, UVec3::new(x, y, z) * double, size, price);
                 }
             }
-            size = double;
         }
+        size = double;
     }
+}
 
-    /// Merges the eight cubes of `size` top cells from `lowest` on, if all are whole and it pays.
-    fn merge_block(&mut self, lowest: UVec3, size: u32, price: &Price) {
-        let level = (size * TABLE as u32).ilog2();
-        let mut parts = Cube::NOTHING;
-        for i in 0..8u32 {
-            let c = lowest + UVec3::new(i & 1, i >> 1 & 1, i >> 2) * size;
-            if c.cmpge(self.dims).any() {
-                continue;
-            }
-            let cell = self.top[top_index(self.dims, c)];
-            if cell.link != level {
-                return;
-            }
-            parts.add(&Cube::of(cell, price));
+/// Merges the eight cubes of `size` top cells from `lowest` on, if all are whole and it pays.
+fn merge_block(cells: &mut Tables<Cell>, lowest: UVec3, size: u32, price: &Price) {
+    let level = (size * TABLE as u32).ilog2();
+    let mut parts = Cube::NOTHING;
+    for i in 0..8u32 {
+        let c = lowest + UVec3::new(i & 1, i >> 1 & 1, i >> 2) * size;
+        if c.cmpge(cells.dims).any() {
+            continue;
         }
-        let whole = parts.cell(level + 1);
-        if price.of(&whole) > parts.price {
+        let cell = cells.top[top_index(cells.dims, c)];
+        if cell.link != level {
             return;
         }
-        let high = (lowest + UVec3::splat(2 * size)).min(self.dims);
-        for x in lowest.x..high.x {
-            for y in lowest.y..high.y {
-                for z in lowest.z..high.z {
-                    let at = top_index(self.dims, UVec3::new(x, y, z));
-                    self.top[at] = whole;
-                }
+        parts.add(&Cube::of(cell, price));
+    }
+    let whole = parts.cell(level + 1);
+    if price.of(&whole) > parts.price {
+        return;
+    }
+    let high = (lowest + UVec3::splat(2 * size)).min(cells.dims);
+    for x in lowest.x..high.x {
+        for y in lowest.y..high.y {
+            for z in lowest.z..high.z {
+                let at = top_index(cells.dims, UVec3::new(x, y, z));
+                cells.top[at] = whole;
             }
         }
     }
 }
 
 /// What cells cost.
-struct Price {
-    /// Where the density is 1. [1/voxel]
-    sigma_t: f64,
+pub(super) struct Price {
+    /// Where the density is 1. \[1/voxel\]
+    pub(super) sigma_t: f64,
+    /// Time of a collision over that of a step.
+    pub(super) collision: f64,
+    /// Set where what is below the minorant does not collide.
+    pub(super) residual: bool,
 }
 
 impl Price {
-    fn new(sigma_t_scale: f32, voxel_size: f32) -> Self {
-        Self {
-            sigma_t: f64::from(sigma_t_scale) * f64::from(voxel_size),
-        }
-    }
-
-    /// Of a cell, without a box.
     fn of(&self, cell: &Cell) -> f64 {
         let edge = f64::from(BRICK << cell.level());
-        1.5 * edge * edge + self.collisions(cell, edge * edge * edge)
-    }
-
-    /// Of a boxed brick with its box.
-    fn of_boxed(&self, cell: &Cell) -> f64 {
-        let edge = f64::from(BRICK);
-        BOXED_STEP * 1.5 * edge * edge + self.collisions(cell, f64::from(cell.filled_cells()))
-    }
-
-    fn collisions(&self, cell: &Cell, volume: f64) -> f64 {
-        let (majorant, minorant) = (f64::from(cell.majorant), f64::from(cell.minorant));
-        let each = COLLISION * majorant + LOOKUP * (majorant - minorant);
-        volume * self.sigma_t * each
+        let mut density = f64::from(cell.majorant);
+        if self.residual {
+            density -= f64::from(cell.minorant);
+        }
+        edge * edge * (1.5 + self.collision * edge * self.sigma_t * density)
     }
 }
 
@@ -244,47 +248,21 @@ impl Cube {
     }
 }
 
-/// Bounds of the bricks of one table.
-fn brick_cells(grid: &Grid, table: &[Place]) -> Vec<Cell> {
-    table
-        .iter()
-        .map(|&place| {
-            let [minorant, majorant] = grid.range_at(place);
-            Cell {
-                majorant,
-                minorant,
-                link: Cell::brick_link(place),
-            }
-        })
-        .collect()
-}
-
-/// Bounds of the bricks of one table, merged; an empty list where the whole cell is one.
-fn merge_table(grid: &Grid, table: &[Place], price: &Price) -> (Cell, Vec<Cell>) {
-    let mut cells = brick_cells(grid, table);
+/// Bounds of the bricks of one table, merged; of the whole alone where it is of one value.
+fn merge_table(bricks: &[Cell], price: &Price) -> Vec<Cell> {
+    let mut cells = bricks.to_vec();
     merge_cube(&mut cells, IVec3::ZERO, TABLE.ilog2(), price);
     let whole = cells[0];
-    if whole.level() == TABLE.ilog2() {
-        (whole, Vec::new())
-    } else {
-        (whole, cells)
+    if whole.level() == TABLE.ilog2() && whole.majorant == whole.minorant {
+        cells.truncate(1);
     }
+    cells
 }
 
 /// Merges a cube of bricks of one table, and the cubes in it, where that pays.
 fn merge_cube(cells: &mut [Cell], lowest: IVec3, level: u32, price: &Price) -> Cube {
     if level == 0 {
-        let cell = &mut cells[in_table(lowest)];
-        let mut cube = Cube::of(*cell, price);
-        if cell.is_boxed() {
-            let boxed = price.of_boxed(cell);
-            if boxed < cube.price {
-                cube.price = boxed;
-            } else {
-                *cell = cell.loosened();
-            }
-        }
-        return cube;
+        return Cube::of(cells[in_table(lowest)], price);
     }
     let mut parts = Cube::NOTHING;
     for i in 0..8 {

@@ -25,6 +25,7 @@ pub mod build;
 mod cells;
 mod compact;
 mod corners;
+pub mod flights;
 mod index;
 pub mod load;
 pub mod majorant;
@@ -32,6 +33,8 @@ pub mod merge;
 mod place;
 pub mod plateau;
 pub mod segments;
+pub(crate) mod squeeze;
+mod tables;
 mod values;
 pub mod walk;
 
@@ -145,6 +148,17 @@ fn cell_and_fraction(p: Vec3) -> (i32x4, Vec3) {
     (floor.fast_trunc_int(), Vec3::new(u, v, w))
 }
 
+/// The voxel at one corner of p's cell, chosen with the probability of its trilinear weight: its
+/// value is in expectation the field at p, for one fetch instead of eight (Hofmann et al. 2021).
+/// Only for estimators linear in the field. `u` holds uniforms.
+#[inline(always)]
+pub(crate) fn tap(p: f32x4, u: f32x4) -> i32x4 {
+    let floor = p.floor();
+    // All bits set are -1.
+    let next: i32x4 = bytemuck::cast(u.simd_lt(p - floor));
+    floor.fast_trunc_int() - next
+}
+
 /// The three axes of four lanes.
 #[inline(always)]
 fn three(v: i32x4) -> [i32; 3] {
@@ -179,17 +193,18 @@ impl Grid {
         }
     }
 
-    /// The value at one corner of p's cell, chosen with the probability of its trilinear weight:
-    /// in expectation the field at p, for one fetch instead of eight (Hofmann et al. 2021).
-    /// Only for estimators linear in the field. `u` holds three uniforms.
+    /// The value at one corner of p's cell: see `tap`.
     #[inline(always)]
     #[must_use]
     pub fn lookup_one_tap(&self, p: Vec3, u: Vec3) -> f32 {
-        let (cell, f) = cell_and_fraction(p);
-        let Spot { start, row, slab } = self.spot(three(cell));
-        let [x, y, z] = [u.x < f.x, u.y < f.y, u.z < f.z].map(usize::from);
-        let [row, slab] = [row, slab].map(usize::from);
-        self.values.at(start + x * slab + y * row + z)
+        let lanes = |v: Vec3| f32x4::new([v.x, v.y, v.z, 0.0]);
+        self.value(tap(lanes(p), lanes(u)))
+    }
+
+    /// The value at a local voxel.
+    #[inline(always)]
+    pub(crate) fn value(&self, voxel: i32x4) -> f32 {
+        self.values.at(self.spot(three(voxel)).start)
     }
 
     /// The value at a local voxel.
@@ -233,6 +248,26 @@ impl Grid {
             range = [range[0].min(value), range[1].max(value)];
         }
         range
+    }
+
+    /// All 9^3 values of the brick at a place.
+    fn brick_values(&self, place: Place) -> [f32; BRICK_VALUES] {
+        if place.is_constant() {
+            return [self.values.at(place.start()); BRICK_VALUES];
+        }
+        let (low, size) = (place.low(), place.size());
+        let mut values = [0.0; BRICK_VALUES];
+        let mut from = place.start();
+        for x in low.x..low.x + size.x {
+            for y in low.y..low.y + size.y {
+                let to = corner_index(IVec3::new(x, y, low.z));
+                for to in &mut values[to..to + size.z as usize] {
+                    *to = self.values.at(from);
+                    from += 1;
+                }
+            }
+        }
+        values
     }
 
     /// Place of the value of a top entry that is a constant.

@@ -1,18 +1,15 @@
-//! The segments of a ray over which bounds hold, and the room around a point in which they do.
+//! The segments of a ray over which bounds hold.
 //!
 //! Segments tile [t0, t1] without gap or overlap: each begins at the very t where the last one
 //! ended. The walk keeps the integer coordinates of its brick and moves at least one of them at
 //! every step, never back, so it ends after at most as many steps as the grid has bricks along
 //! its three axes, whatever rounding does to t.
-//!
-//! A room is a box: between two points of it a ray does not leave it, so that a flight which ends
-//! in it needs no faces, and no walk.
 
 use glam::{IVec3, Vec3};
 use wide::{f32x4, i32x4};
 
-use super::majorant::{Cell, MajorantGrid};
-use super::{BRICK, TABLE};
+use super::TABLE;
+use super::tables::{Entry, Tables};
 use crate::ray::Ray;
 
 /// What a box is widened by at least: twice what a point of a ray can be off by at the farthest
@@ -33,91 +30,6 @@ pub struct MajorantSegment {
     pub majorant: f32,
     /// Smallest density.
     pub minorant: f32,
-}
-
-impl MajorantGrid {
-    /// The room around a point, if the field may differ from 0 there.
-    #[inline]
-    pub(crate) fn room(&self, p: f32x4) -> Option<Room> {
-        let brick = brick_of(p);
-        let cell = self.cell(brick)?;
-        let corner = (brick & cell.mask()) << 3;
-        let (low, high) = if cell.is_tight() {
-            let (low, high) = cell.filled();
-            (corner + low, corner + high)
-        } else {
-            (corner, corner + i32x4::splat(BRICK << cell.level()))
-        };
-        let room = Room {
-            low: f32x4::from_i32x4(low).fast_max(four(self.support.min)),
-            high: f32x4::from_i32x4(high).fast_min(four(self.support.max)),
-            lodging: Lodging { brick, cell },
-        };
-        room.holds(p).then_some(room)
-    }
-
-    /// The segments of a local-space ray inside [t0, t1].
-    #[inline]
-    #[must_use]
-    pub fn segments(&self, ray: &Ray, t0: f32, t1: f32) -> Segments<'_, true> {
-        self.set_out(ray, None, [t0, t1])
-    }
-
-    /// Those for null collisions: a boxed brick is one segment, whole if its box costs more than it
-    /// saves, else what is in the box; between segments there is nothing. `place` is that of the
-    /// point at t0, if it is in a room.
-    #[inline]
-    pub(crate) fn flight(
-        &self,
-        ray: &Ray,
-        place: Option<Lodging>,
-        span: [f32; 2],
-    ) -> Segments<'_, false> {
-        self.set_out(ray, place, span)
-    }
-
-    #[inline(always)]
-    fn set_out<const TILES: bool>(
-        &self,
-        ray: &Ray,
-        place: Option<Lodging>,
-        [t0, t1]: [f32; 2],
-    ) -> Segments<'_, TILES> {
-        let (origin, direction) = (four(ray.origin), four(ray.direction));
-        // 0 for what never reaches a face within any finite t; the fourth lane is such an axis.
-        let reaches = direction.abs().simd_ge(f32x4::splat(f32::MIN_POSITIVE));
-        let inverse = reaches & (f32x4::ONE / direction);
-        let mut this = Segments {
-            grid: self,
-            origin,
-            direction,
-            inverse,
-            moves: inverse.simd_ne(f32x4::ZERO),
-            up: bytemuck::cast(inverse.simd_gt(f32x4::ZERO)),
-            margin: MARGIN.max(ray.origin.abs().max_element() * MARGIN_PER_VOXEL),
-            t: t0,
-            t_end: t0,
-            brick: i32x4::ZERO,
-            cell: None,
-            top: i32x4::splat(-1),
-            entry: Cell::NOTHING,
-        };
-        let (enter, leave) = this.crossing(four(self.support.min), four(self.support.max));
-        let leave = least(leave, t1);
-        if let Some(Lodging { brick, cell }) = place {
-            (this.t_end, this.brick, this.cell) = (leave, brick, Some(cell));
-            return this;
-        }
-        let enter = most(enter, t0);
-        if enter < leave {
-            (this.t, this.t_end) = (enter, leave);
-            let highest = self.dims.as_ivec3() * TABLE - IVec3::ONE;
-            let highest = i32x4::new([highest.x, highest.y, highest.z, 0]);
-            let brick = brick_of(this.at(enter));
-            this.brick = brick.min(highest).max(i32x4::ZERO);
-        }
-        this
-    }
 }
 
 /// Three components as lanes; the fourth is 0.
@@ -144,40 +56,11 @@ fn brick_of(p: f32x4) -> i32x4 {
     p.fast_trunc_int() >> 3
 }
 
-/// A brick, and the cell that it is in.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Lodging {
-    brick: i32x4,
-    cell: Cell,
-}
-
-/// A box around a point and the bounds of the field in it, faces included.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Room {
-    low: f32x4,
-    high: f32x4,
-    pub(crate) lodging: Lodging,
-}
-
-impl Room {
-    /// Smallest and largest density.
-    #[inline]
-    pub(crate) fn bounds(&self) -> [f32; 2] {
-        [self.lodging.cell.minorant, self.lodging.cell.majorant]
-    }
-
-    /// True for a point inside or on a face; false for one that is not a number.
-    #[inline]
-    pub(crate) fn holds(&self, p: f32x4) -> bool {
-        (p.simd_ge(self.low) & p.simd_le(self.high)).all()
-    }
-}
-
 /// Iterator over the [`MajorantSegment`]s of a ray; all axes are stepped at a time and by masks,
-/// since which one it is cannot be guessed. They tile the ray, or leave out what is empty of bricks.
+/// since which one it is cannot be guessed.
 #[derive(Debug, Clone)]
-pub struct Segments<'a, const TILES: bool> {
-    grid: &'a MajorantGrid,
+pub(crate) struct Segments<'a, E> {
+    tables: &'a Tables<E>,
     origin: f32x4,
     direction: f32x4,
     /// One over the direction; 0 where no face is ever reached.
@@ -193,13 +76,48 @@ pub struct Segments<'a, const TILES: bool> {
     /// Brick that the walk is in.
     brick: i32x4,
     /// Its cell, if known.
-    cell: Option<Cell>,
-    /// A top cell, and its entry.
-    top: i32x4,
-    entry: Cell,
+    cell: Option<E>,
+    /// The top cell that the last segment is in, and its entry.
+    pub(super) top: i32x4,
+    pub(super) entry: E,
 }
 
-impl<const TILES: bool> Segments<'_, TILES> {
+impl<'a, E: Entry> Segments<'a, E> {
+    /// The segments of a local-space ray inside [t0, t1].
+    #[inline(always)]
+    pub(super) fn new(tables: &'a Tables<E>, ray: &Ray, [t0, t1]: [f32; 2]) -> Self {
+        let (origin, direction) = (four(ray.origin), four(ray.direction));
+        // 0 for what never reaches a face within any finite t; the fourth lane is such an axis.
+        let reaches = direction.abs().simd_ge(f32x4::splat(f32::MIN_POSITIVE));
+        let inverse = reaches & (f32x4::ONE / direction);
+        let mut this = Segments {
+            tables,
+            origin,
+            direction,
+            inverse,
+            moves: inverse.simd_ne(f32x4::ZERO),
+            up: bytemuck::cast(inverse.simd_gt(f32x4::ZERO)),
+            margin: MARGIN.max(ray.origin.abs().max_element() * MARGIN_PER_VOXEL),
+            t: t0,
+            t_end: t0,
+            brick: i32x4::ZERO,
+            cell: None,
+            top: i32x4::splat(-1),
+            entry: E::NOTHING,
+        };
+        let support = &tables.support;
+        let (enter, leave) = this.crossing(four(support.min), four(support.max));
+        let (enter, leave) = (most(enter, t0), least(leave, t1));
+        if enter < leave {
+            (this.t, this.t_end) = (enter, leave);
+            let highest = tables.dims.as_ivec3() * TABLE - IVec3::ONE;
+            let highest = i32x4::new([highest.x, highest.y, highest.z, 0]);
+            let brick = brick_of(this.at(enter));
+            this.brick = brick.min(highest).max(i32x4::ZERO);
+        }
+        this
+    }
+
     /// The point at t.
     #[inline]
     fn at(&self, t: f32) -> f32x4 {
@@ -208,13 +126,13 @@ impl<const TILES: bool> Segments<'_, TILES> {
 
     /// The cell of the brick that the walk is in; mostly one of the table that the last one was in.
     #[inline]
-    fn fetch(&mut self) -> Option<Cell> {
+    fn fetch(&mut self) -> Option<E> {
         let top: i32x4 = self.brick >> 4;
         if top != self.top {
-            self.entry = self.grid.entry(top)?;
+            self.entry = self.tables.entry(top)?;
             self.top = top;
         }
-        self.grid.cell_in(self.entry, self.brick)
+        self.tables.entry_in(self.entry, self.brick)
     }
 
     /// Where the ray enters and leaves a box; the other way round if it misses.
@@ -234,10 +152,9 @@ impl<const TILES: bool> Segments<'_, TILES> {
         )
     }
 
-    /// The same of the box of the brick at a corner, widened by the margin.
+    /// The same of a box in the brick at a corner, widened by the margin.
     #[inline]
-    fn crossing_filled(&self, corner: i32x4, cell: Cell) -> (f32, f32) {
-        let (low, high) = cell.filled();
+    fn crossing_filled(&self, corner: i32x4, (low, high): (i32x4, i32x4)) -> (f32, f32) {
         let margin = f32x4::splat(self.margin);
         self.crossing(
             f32x4::from_i32x4(corner + low) - margin,
@@ -246,7 +163,7 @@ impl<const TILES: bool> Segments<'_, TILES> {
     }
 }
 
-impl<const TILES: bool> Iterator for Segments<'_, TILES> {
+impl<E: Entry> Iterator for Segments<'_, E> {
     type Item = MajorantSegment;
 
     #[inline(always)]
@@ -268,14 +185,15 @@ impl<const TILES: bool> Iterator for Segments<'_, TILES> {
         let [x, y, z, _] = meets.to_array();
         let exit = least(least(x, y), z);
         let end = least(most(exit, self.t), self.t_end);
+        let [minorant, majorant] = cell.bounds();
         let mut segment = MajorantSegment {
             t_min: self.t,
             t_max: end,
-            majorant: cell.majorant,
-            minorant: cell.minorant,
+            majorant,
+            minorant,
         };
-        if TILES && cell.is_boxed() {
-            let (enter, leave) = self.crossing_filled(low << 3, cell);
+        if let Some(filled) = cell.filled() {
+            let (enter, leave) = self.crossing_filled(low << 3, filled);
             if enter < leave && self.t < enter && enter < segment.t_max {
                 segment.t_max = enter;
             }
@@ -289,14 +207,6 @@ impl<const TILES: bool> Iterator for Segments<'_, TILES> {
                 self.t = segment.t_max;
                 self.cell = Some(cell);
                 return Some(segment);
-            }
-        } else if !TILES && cell.is_tight() {
-            let (enter, leave) = self.crossing_filled(low << 3, cell);
-            let (from, to) = (most(enter, self.t), least(leave, end));
-            if from <= to {
-                (segment.t_min, segment.t_max) = (from, to);
-            } else {
-                (segment.minorant, segment.majorant) = (0.0, 0.0);
             }
         }
         self.t = end;

@@ -12,6 +12,7 @@
 
 use std::path::Path;
 
+use crate::grid::flights::FlightGrid;
 use crate::grid::load::{Taking, load_grid};
 use crate::grid::majorant::MajorantGrid;
 use crate::scene::Convert;
@@ -53,7 +54,7 @@ impl Memory {
             bricks: grid.bricks(),
             value_bits: grid.value_bits(),
             grid: bytes,
-            bounds: MajorantGrid::most_memory_bytes(&grid),
+            bounds: MajorantGrid::most_memory_bytes(&grid) + FlightGrid::most_memory_bytes(&grid),
             per_leaf_value: per(512 * stats.leaves as u64),
             per_active_value: per(stats.leaf_voxels),
         })

@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! minorant(C) <= f(p) <= majorant(C)      every p in cell C, faces included
+//! x < v                                   as a block tells it, if it does, and as it is
 //! ```
 //!
 //! Stored values are bounded exactly; interpolated ones within the rounding of three nested
@@ -15,6 +16,7 @@ use rayon::prelude::*;
 
 use super::fields::{generated, rng, unit};
 use super::{SelftestError, Suite, Worst};
+use crate::grid::flights::FlightGrid;
 use crate::grid::majorant::MajorantGrid;
 use crate::grid::{APRON, BRICK, Grid};
 use crate::rng::{Rng, Stage};
@@ -44,7 +46,10 @@ const CHUNK: u32 = 1 << 14;
 /// Points at which bounds do not hold: of a brick's range, of a majorant's cell.
 #[must_use]
 pub fn violations(name: &str, grid: &Grid, sigma: f32, points: u32, random: &mut Rng) -> Worst {
-    let majorants = MajorantGrid::new(grid, sigma, 1.0);
+    let bounds = (
+        MajorantGrid::new(grid, sigma, 1.0),
+        FlightGrid::new(grid, sigma, 1.0),
+    );
     if grid.support().is_empty() {
         return Worst::default();
     }
@@ -54,7 +59,7 @@ pub fn violations(name: &str, grid: &Grid, sigma: f32, points: u32, random: &mut
         .map_init(HashMap::new, |ranges, chunk| {
             let count = CHUNK.min(points - chunk * CHUNK);
             let mut random = Rng::stream(seed, Stage::Check, 0, chunk.into());
-            violations_at(name, (grid, &majorants), ranges, count, &mut random)
+            violations_at(name, grid, &bounds, ranges, count, &mut random)
         })
         .collect();
     chunks.into_iter().fold(Worst::default(), Worst::and)
@@ -63,7 +68,8 @@ pub fn violations(name: &str, grid: &Grid, sigma: f32, points: u32, random: &mut
 /// The same at some points. A brick's range is that of 9^3 values: kept, once it is known.
 fn violations_at(
     name: &str,
-    (grid, majorants): (&Grid, &MajorantGrid),
+    grid: &Grid,
+    (majorants, flights): &(MajorantGrid, FlightGrid),
     ranges: &mut HashMap<IVec3, [f32; 2]>,
     points: u32,
     random: &mut Rng,
@@ -90,17 +96,33 @@ fn violations_at(
             let range = *ranges
                 .entry(brick)
                 .or_insert_with(|| grid.brick_range(brick));
-            for [low, high] in [majorants.bounds_at(inside), range] {
+            let cells = [majorants.bounds_at(inside), flights.bounds_at(inside)];
+            for [low, high] in cells.into_iter().chain([range]) {
                 faults.count(!(low - slack..=high + slack).contains(&value), || {
                     format!("{name}: {value} at {p}, bounds {low} to {high}")
                 });
             }
         }
         let tap = grid.lookup_one_tap(p, unit(random));
-        let [low, high] = majorants.bounds_at(p);
-        faults.count(!(low..=high).contains(&tap), || {
-            format!("{name}: tap {tap} at {p}, bounds {low} to {high}")
-        });
+        for [low, high] in [majorants.bounds_at(p), flights.bounds_at(p)] {
+            faults.count(!(low..=high).contains(&tap), || {
+                format!("{name}: tap {tap} at {p}, bounds {low} to {high}")
+            });
+        }
+        let voxel = p.floor().as_ivec3();
+        let value = grid.voxel(voxel);
+        for x in [
+            value,
+            value * random.uniform(),
+            value.next_up(),
+            random.uniform(),
+        ] {
+            let told = flights.is_below(x.max(0.0), voxel);
+            faults.count(
+                told.is_some_and(|below| below != (x.max(0.0) < value)),
+                || format!("{name}: voxel {voxel} of {value}, below {x}: {told:?}"),
+            );
+        }
     }
     faults
 }

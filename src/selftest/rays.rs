@@ -17,6 +17,7 @@ use rayon::prelude::*;
 use super::fields::{direction, generated, ray_through, rng, trilinear, unit};
 use super::{SelftestError, Suite, Worst};
 use crate::grid::Grid;
+use crate::grid::flights::FlightGrid;
 use crate::grid::majorant::MajorantGrid;
 use crate::grid::segments::MajorantSegment;
 use crate::grid::walk::{Piece, integral, walk};
@@ -147,6 +148,7 @@ struct Way<'a> {
     name: &'a str,
     grid: &'a Grid,
     majorants: &'a MajorantGrid,
+    flights: &'a FlightGrid,
     ray: Ray,
     t0: f32,
     t1: f32,
@@ -157,18 +159,27 @@ impl Way<'_> {
         format!("{}: {:?}, {} to {}", self.name, self.ray, self.t0, self.t1)
     }
 
+    /// The segments of marches and those of flights.
+    fn check_segments(&self, random: &mut Rng, found: &mut Found) {
+        let segments = self.majorants.segments(&self.ray, self.t0, self.t1);
+        self.check_tiles(segments, random, found);
+        let segments = self.flights.segments(&self.ray, self.t0, self.t1);
+        self.check_tiles(segments, random, found);
+    }
+
     /// Segments tile what of [t0, t1] lies in the support, each beginning at the very number where
     /// the last one ended, and are no more than the bricks that a line can cross.
-    fn check_segments(&self, random: &mut Rng, found: &mut Found) {
+    fn check_tiles(
+        &self,
+        segments: impl Iterator<Item = MajorantSegment>,
+        random: &mut Rng,
+        found: &mut Found,
+    ) {
         let (grid, ray) = (self.grid, &self.ray);
         let context = || self.tell();
         let bricks = grid.dims().as_ivec3() * 16;
         let most = 3 * bricks.element_sum() as usize;
-        let segments: Vec<MajorantSegment> = self
-            .majorants
-            .segments(ray, self.t0, self.t1)
-            .take(most + 1)
-            .collect();
+        let segments: Vec<MajorantSegment> = segments.take(most + 1).collect();
         found.fault(segments.len() > most, "no end", &context);
         let clipped = grid.support().clip(ray, self.t0, self.t1);
         let Some((enter, exit)) = clipped else {
@@ -183,37 +194,6 @@ impl Way<'_> {
         found.fault(last.t_max != exit, "end", &context);
         for pair in segments.windows(2) {
             found.fault(pair[0].t_max != pair[1].t_min, "gap", &context);
-        }
-        self.check_bounds(&segments, random, found);
-        self.check_flight([enter, exit], most, random, found);
-    }
-
-    /// The segments of a flight come in order, and where there is none the field is 0.
-    fn check_flight(
-        &self,
-        [enter, exit]: [f32; 2],
-        most: usize,
-        random: &mut Rng,
-        found: &mut Found,
-    ) {
-        let context = || self.tell();
-        let segments: Vec<MajorantSegment> = self
-            .majorants
-            .flight(&self.ray, None, [self.t0, self.t1])
-            .take(most + 1)
-            .collect();
-        found.fault(segments.len() > most, "no end of a flight", &context);
-        let mut end = enter;
-        for s in &segments {
-            found.fault(s.t_min < end, "flight overlaps", &context);
-            if s.t_min > end {
-                self.check_zero(end, s.t_min, random, found);
-            }
-            end = s.t_max;
-        }
-        found.fault(end > exit, "flight beyond the end", &context);
-        if end < exit {
-            self.check_zero(end, exit, random, found);
         }
         self.check_bounds(&segments, random, found);
     }
@@ -357,6 +337,7 @@ fn walks(
             let (name, grid) = &fields[*field];
             let mut random = rng(seed + job as u64);
             let majorants = MajorantGrid::new(grid, *sigma, 1.0);
+            let flights = FlightGrid::new(grid, *sigma, 1.0);
             let mut found = Found::default();
             for i in 0..rays {
                 let ray = if i % 4 == 0 {
@@ -369,6 +350,7 @@ fn walks(
                     name,
                     grid,
                     majorants: &majorants,
+                    flights: &flights,
                     ray,
                     t0,
                     t1,

@@ -1,5 +1,7 @@
 //! What was done, counted: the report's figures, and the proof that pruned effects cost nothing.
 
+use wide::f32x4;
+
 use crate::rng::Rng;
 
 /// What was done, counted per unit of work and summed for the report.
@@ -125,13 +127,17 @@ pub struct Sampler {
     pub rng: Rng,
     /// Work done.
     pub counters: Counters,
+    /// The next exponential number, drawn ahead: where a flight goes on is mostly guessed wrongly,
+    /// and then nothing waits for it.
+    exponential: f32,
 }
 
 impl Sampler {
     /// A sampler on a stream.
     #[must_use]
-    pub fn new(rng: Rng) -> Self {
+    pub fn new(mut rng: Rng) -> Self {
         Self {
+            exponential: rng.exponential(),
             rng,
             counters: Counters::default(),
         }
@@ -141,6 +147,19 @@ impl Sampler {
     #[inline]
     pub fn uniform(&mut self) -> f32 {
         self.rng.uniform()
+    }
+
+    /// Optical thickness of a free flight, distributed as exp(-tau).
+    #[inline]
+    pub fn exponential(&mut self) -> f32 {
+        std::mem::replace(&mut self.exponential, self.rng.exponential())
+    }
+
+    /// Uniforms in three lanes, and 0.
+    #[inline]
+    pub(crate) fn uniform4(&mut self) -> f32x4 {
+        let [x, y, z] = self.rng.uniform3();
+        f32x4::new([x, y, z, 0.0])
     }
 
     /// Two uniforms.

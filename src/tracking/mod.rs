@@ -89,7 +89,7 @@ pub fn draw_distance<S: Spectrum>(
     };
     let sigma = medium.sigma_t.channel(hero.channel);
     if sigma > 0.0 && matches!(medium.field, Field::Constant { bounds: None }) {
-        Some(sampler.rng.exponential() / sigma)
+        Some(sampler.exponential() / sigma)
     } else {
         None
     }
@@ -138,7 +138,7 @@ fn box_flight<S: Spectrum>(
     sampler: &mut Sampler,
 ) -> Option<f32> {
     let span = Bounds::clip_if(bounds, ray, t_max)?;
-    let distance = sampler.rng.exponential() / sigma_t.channel(hero.channel);
+    let distance = sampler.exponential() / sigma_t.channel(hero.channel);
     constant_flight(sigma_t, distance, span, hero)
 }
 
@@ -181,7 +181,7 @@ fn plateau_flight<S: Spectrum>(
     let value = field.plateau.value;
     let sigma_maj = highest * value;
     if dense::is_dense(sigma_maj, &local) {
-        let mut budget = sampler.rng.exponential();
+        let mut budget = sampler.exponential();
         let mut found = None;
         let exact = field.placement.exact_ray(ray);
         let mut collide = Collide {
@@ -197,7 +197,7 @@ fn plateau_flight<S: Spectrum>(
         return found;
     }
     loop {
-        t += sampler.rng.exponential() / sigma_maj;
+        t += sampler.exponential() / sigma_maj;
         // NaN in a clear medium is beyond the end too.
         if t >= end || t.is_nan() {
             return None;
@@ -267,9 +267,9 @@ fn ratio_tracking<S: Spectrum>(
     let mut tr = S::ONE;
     // Depth of the control, applied once at the end. [m]
     let mut control = 0.0;
-    let mut budget = sampler.rng.exponential();
+    let mut budget = sampler.exponential();
     let dense = Dense::new(field, ray, &local);
-    for segment in field.majorants.flight(&local, None, [0.0, t_max]) {
+    for segment in field.majorants.segments(&local, 0.0, t_max) {
         if dense.is(highest * segment.majorant) {
             let (depth, lookups) = dense.depth(segment.t_min, segment.t_max);
             sampler.counters.density_lookups += lookups;
@@ -288,7 +288,7 @@ fn ratio_tracking<S: Spectrum>(
                 break;
             }
             t += budget / sigma_maj;
-            budget = sampler.rng.exponential();
+            budget = sampler.exponential();
             let residual = one_tap(field, four(local.at(t)), sampler) - segment.minorant;
             tr *= sigma_t.map(|k| (k / highest).mul_add(-(residual / range), 1.0).max(0.0));
             let most = (tr * sigma_t.map(|k| (-k * control).exp())).max_channel();

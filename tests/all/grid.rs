@@ -6,6 +6,7 @@ use std::path::Path;
 use glam::{DAffine3, DVec3, IVec3, Vec3};
 
 use vpm_vdb::grid::build::{BuildError, Tile, Topology};
+use vpm_vdb::grid::flights::FlightGrid;
 use vpm_vdb::grid::load::{Taking, load_grid};
 use vpm_vdb::grid::majorant::MajorantGrid;
 use vpm_vdb::grid::{BRICK_VALUES, Brick, Grid, corner_index};
@@ -252,7 +253,9 @@ fn faces_of_large_tiles_share_their_bricks() {
     for (name, tree) in vast() {
         let grid = tree.build();
         let majorants = MajorantGrid::new(&grid, 1.0, 1.0);
-        let (field, bounds) = (grid.memory_bytes(), majorants.memory_bytes());
+        let flights = FlightGrid::new(&grid, 1.0, 1.0);
+        let field = grid.memory_bytes();
+        let bounds = majorants.memory_bytes() + flights.memory_bytes();
         println!(
             "{name}: {} bricks, {field} B, bounds {bounds} B",
             grid.bricks()
@@ -450,7 +453,10 @@ fn info_tells_the_memory_of_rendering() {
             assert_eq!(told["brick_value_bits"], grid.value_bits(), "{label}");
             assert_eq!(told["bricks"], grid.bricks(), "{label}");
             let most = told["bounds_bytes_at_most"].as_u64().expect("a number") as f64;
-            let bounds = |sigma| MajorantGrid::new(&grid, sigma, 1.0).memory_bytes() as f64;
+            let bounds = |sigma| {
+                let marches = MajorantGrid::new(&grid, sigma, 1.0).memory_bytes();
+                (marches + FlightGrid::new(&grid, sigma, 1.0).memory_bytes()) as f64
+            };
             let field = grid.memory_bytes() as f64;
             let (dense, thin) = (bounds(1e9), bounds(0.01));
             assert!(most >= thin, "{label}: bounds take {thin} B, told {most} B");
