@@ -12,7 +12,8 @@
 //! `one tap`: the renderer's flights, which look up one corner of eight, chosen at random, and only
 //! if the bounds of small blocks leave a collision open (a global majorant has no blocks).
 //! `trilinear`: delta tracking as it is in books, a look-up of eight corners at every collision,
-//! through the same bounds.
+//! through the same bounds. `set out`: flights of the renderer's that end in the cell they begin in,
+//! which none is without.
 
 #[path = "volumes/media.rs"]
 mod media;
@@ -35,16 +36,28 @@ const PATHS: usize = 2000;
 const MOST_TURNS: usize = 64;
 const ROUNDS: usize = 25;
 /// Names of [`Variant`]s.
-const LOOKUPS: [&str; 2] = ["one tap", "trilinear"];
+const LOOKUPS: [&str; 3] = ["one tap", "trilinear", "set out"];
+/// Where flights end that only set out. \[voxels\]
+const AT_ONCE: f32 = 1e-6;
 
 /// A flight of a medium from a place.
 type Flight = fn(&Medium<f32>, &Ray, &mut Sampler) -> Option<f32>;
 
-/// The renderer's.
-fn one_tap(medium: &Medium<f32>, ray: &Ray, sampler: &mut Sampler) -> Option<f32> {
+/// The renderer's, up to `t_max`.
+fn flight(medium: &Medium<f32>, ray: &Ray, t_max: f32, sampler: &mut Sampler) -> Option<f32> {
     let mut hero = Hero::choose(&mut sampler.rng);
     let media = std::slice::from_ref(medium);
-    sample_free_flight(media, ray, f32::INFINITY, &mut hero, sampler).map(|c| c.t)
+    sample_free_flight(media, ray, t_max, &mut hero, sampler).map(|c| c.t)
+}
+
+/// The renderer's.
+fn one_tap(medium: &Medium<f32>, ray: &Ray, sampler: &mut Sampler) -> Option<f32> {
+    flight(medium, ray, f32::INFINITY, sampler)
+}
+
+/// The renderer's, ended at once.
+fn set_out(medium: &Medium<f32>, ray: &Ray, sampler: &mut Sampler) -> Option<f32> {
+    flight(medium, ray, AT_ONCE, sampler)
 }
 
 /// That of books. The grid's voxels are the world here.
@@ -126,7 +139,7 @@ fn main() {
             .map(|_| ray_through(&grid, &mut random))
             .collect();
         let starts = starts(&media[0], &first);
-        let flights: [Flight; 2] = [one_tap, trilinear];
+        let flights: [Flight; 3] = [one_tap, trilinear, set_out];
         let variant = |i: usize| Variant {
             bounds: i % media.len(),
             lookups: i / media.len(),
@@ -134,7 +147,9 @@ fn main() {
             count: 0,
             distance: 0.0,
         };
-        let mut variants: Vec<Variant> = (0..2 * media.len()).map(variant).collect();
+        // Setting out is the same in all bounds.
+        let count = 2 * media.len() + 1;
+        let mut variants: Vec<Variant> = (0..count).map(variant).collect();
         for round in 0..ROUNDS {
             for of in &mut variants {
                 let medium = &media[of.bounds];
@@ -154,7 +169,7 @@ fn main() {
         }
         let count = starts.len() as f64;
         let all = count * ROUNDS as f64;
-        let global = |lookups: usize| variants[media.len() * (lookups + 1) - 1].seconds;
+        let globals = [0, 1, 1].map(|lookups| variants[media.len() * (lookups + 1) - 1].seconds);
         for of in &variants {
             println!(
                 "{name:<22}{:<11}{:<11}{count:>9}{:>20.3}{:>14.2}{:>12.2}{:>11.2}{:>11.2}",
@@ -163,8 +178,8 @@ fn main() {
                 of.count as f64 / all,
                 of.distance / all,
                 1e-6 * count / of.seconds,
-                global(of.lookups) / of.seconds,
-                global(1) / of.seconds
+                globals[of.lookups] / of.seconds,
+                globals[1] / of.seconds
             );
         }
     }
