@@ -3,24 +3,12 @@
 //! Every photon and every pixel of every pass has a stream of its own, so the result cannot
 //! depend on which thread drew what. The key is hashed by SplitMix64's finaliser (Steele, Lea,
 //! Flood 2014) into the 64-bit seed of Xoshiro256++ (Blackman & Vigna 2021), which `rand` keeps
-//! portable across platforms and versions.
-//!
-//! Lengths of flights:
-//!
-//! ```text
-//! -ln U = h ln 2 - ln(1 - w)            U = 2^-h (1 - w), uniform in (0, 1)
-//! h       zeros before the first bit that is set, P(h) = 2^-(h + 1)
-//! w       uniform in [0, 1/2)
-//! ```
-//! Halvings are counted and never end, the rest is a polynomial: no guess, no table and no call in
-//! the midst of a flight, as a ziggurat has, which made flights up to a seventh
-//! slower. The split is Ahrens & Dieter's
-//! (1972; Knuth, The Art of Computer Programming 2, 3.4.1, algorithm S); they sample the rest.
-
-use std::f32::consts::LN_2;
+//! portable across platforms and versions. Lengths of flights come from the ziggurat of
+//! `rand_distr` (Marsaglia & Tsang 2000): one number in ninety takes more than a product.
 
 use rand::rngs::Xoshiro256PlusPlus;
 use rand::{Rng as _, SeedableRng};
+use rand_distr::{Distribution, Exp1};
 
 /// What a stream is for; streams of different stages are independent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -90,22 +78,12 @@ impl Rng {
 
     /// Optical thickness of a free flight, distributed as exp(-tau).
     ///
-    /// A 24-bit uniform could produce neither a step above 24 ln 2 = 16.6 nor one below 6e-8; these have
-    /// no end, and go down to 6e-11.
+    /// Drawn in f64: a 24-bit uniform could produce neither a step above 24 ln 2 = 16.6 nor one
+    /// below 6e-8.
     #[inline]
     pub fn exponential(&mut self) -> f32 {
-        let bits = self.bits();
-        let halvings = match (bits >> 32) as u32 {
-            0 => self.more_halvings(),
-            high => high.leading_zeros(),
-        };
-        (halvings as f32).mul_add(LN_2, minus_ln(bits as u32))
-    }
-
-    /// Halvings where the first 32 bits are all 0.
-    #[cold]
-    fn more_halvings(&mut self) -> u32 {
-        halvings_after(u32::BITS, || self.bits())
+        let tau: f64 = Exp1.sample(&mut self.0);
+        tau as f32
     }
 
     /// Uniform in 0..n.
@@ -115,54 +93,9 @@ impl Rng {
     }
 }
 
-/// Zeros before the first bit that is set, `zeros` of them known.
-fn halvings_after(mut zeros: u32, mut bits: impl FnMut() -> u64) -> u32 {
-    loop {
-        let more = bits();
-        zeros += more.leading_zeros();
-        if more != 0 {
-            return zeros;
-        }
-    }
-}
-
-/// -ln(1 - w), w the middle of the k-th of 2^32 parts of [0, 1/2]; to 4e-7 of itself.
-#[inline]
-fn minus_ln(k: u32) -> f32 {
-    let w = (k as f32 + 0.5) * (0.5 / (1u64 << 32) as f32);
-    // 2 artanh s, s up to 1/3; the series in s^2, its four terms fitted (1.5e-8).
-    let s = w / (2.0 - w);
-    let q = s * s;
-    let series = q.mul_add(0.134_337_77, 0.141_169_78);
-    let series = q.mul_add(series, 0.200_038_35);
-    let series = q.mul_add(series, 0.333_333_2);
-    (2.0 * s) * q.mul_add(series, 1.0)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn rests_are_logarithms() {
-        let ends = [0, 1, 2, u32::MAX - 1, u32::MAX];
-        let between = (0..1_000_000u32).map(|i| i.wrapping_mul(0x9e37_79b9));
-        let small = (0..32).map(|i| 1 << i);
-        let mut worst = 0.0f64;
-        for k in ends.into_iter().chain(small).chain(between) {
-            let w = (f64::from(k) + 0.5) * 0.5f64.powi(33);
-            let (found, exact) = (f64::from(minus_ln(k)), -(-w).ln_1p());
-            worst = worst.max((found / exact - 1.0).abs());
-        }
-        // Of w, 2 - w, their ratio, two products and two sums.
-        assert!(worst < 7.0 * 0.5 * f64::from(f32::EPSILON), "{worst:e}");
-    }
-
-    #[test]
-    fn halvings_have_no_end() {
-        let mut bits = [0, 0, 1 << 60].into_iter();
-        assert_eq!(halvings_after(32, || bits.next().expect("bits")), 163);
-    }
 
     #[test]
     fn a_key_is_a_stream_of_its_own() {

@@ -230,7 +230,7 @@ pub fn checks(suite: &mut Suite) -> Result<(), SelftestError> {
     let mut beams = Beams::default();
     for g in [-0.95, 0.85] {
         let scene = fog(4.0, 3.0, Phase::HenyeyGreenstein(g));
-        beams.add(&format!("fog, g = {g}"), scene, &[], 6 * most)?;
+        beams.add(&format!("fog, g = {g}"), scene, &[], 8 * most)?;
     }
     beams.finish(suite, "photons, peaked phase functions", 0.03);
     Ok(())
