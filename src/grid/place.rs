@@ -22,7 +22,7 @@ use wide::i32x4;
 /// 4 bits for the lowest corner and three for the last cell of the box from there; a bit for a
 /// constant; and one for each octant of 4^3 cells, set unless all its values are 0. The octants'
 /// are where the others leave room: three behind `base`, five at the heads of fields.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Place(u64);
 
 /// The corners of a cell among stored values.

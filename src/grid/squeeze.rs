@@ -210,9 +210,10 @@ mod tests {
                     let near = value * (0.99 + 0.02 * random.uniform());
                     for x in [drawn, near, value, value.next_up()].map(|x| x.max(0.0)) {
                         let told = flights.is_below(x, voxel);
-                        if told.is_some_and(|below| below != (x < value)) {
-                            panic!("{voxel} of {value}, below {x}: {told:?}");
-                        }
+                        assert!(
+                            told.is_none_or(|below| below == (x < value)),
+                            "{voxel} of {value}, below {x}: {told:?}"
+                        );
                     }
                     count += u32::from(value > 0.0);
                     open += u32::from(flights.is_below(drawn, voxel).is_none());
