@@ -4,10 +4,9 @@
 //! t' = t + budget / sigma_maj      budget = -ln(1 - u), less the majorants' thickness up to t
 //! ```
 //!
-//! Most flights in a dense medium end in the cell they begin in. There nothing need be known of
-//! its faces but that they are not between two points inside: the flight goes from collision to
-//! collision, and only when one would be outside does it set out to walk from cell to cell, from the last
-//! one inside and with the same budget.
+//! The voxel of the tap is drawn first. Whether a collision is real its block mostly tells, and the
+//! field is looked up only if it does not (grid/squeeze.rs), or if the null collisions of a coloured
+//! flight, whose weights they change, need the density.
 
 use wide::f32x4;
 

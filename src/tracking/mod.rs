@@ -7,8 +7,8 @@
 //! ```
 //!
 //! Delta tracking (Woodcock 1965) through local majorants: the optical thickness left of a step
-//! carries over into the next segment. A collision below the minorant is real whatever the
-//! density, and costs no look-up (decomposition tracking, Kutz et al. 2017). Transmittance is
+//! carries over into the next segment. A collision below all values around it, or above them, is real
+//! or null whatever the density, and costs no look-up (`grid/squeeze.rs`). Transmittance is
 //! residual ratio tracking (Novak et al. 2014) whose control is the minorant, so that the
 //! residual is never negative and T never leaves [0, 1]; small T is ended by Russian roulette.
 //! Homogeneous media use the closed forms. This page chooses among the estimators; callers do not.
