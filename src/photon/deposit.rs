@@ -33,6 +33,9 @@
 
 use glam::{UVec3, Vec3};
 
+pub use super::part::Part;
+use super::part::grown;
+
 use crate::medium::{Field, Medium};
 use crate::ray::{Bounds, Ray, reciprocal};
 use crate::spectrum::Spectrum;
@@ -43,6 +46,9 @@ const CELLS: f32 = 96.0;
 
 /// Deposits of a straight way through a medium's whole extent before the rate is known better.
 const FIRST_SCALE: f32 = 8.0;
+
+/// Bits of a float that a rate's level leaves out: steps of 6 % or less over 16 octaves.
+const LEFT_OUT: u32 = 19;
 
 /// Largest scale: deposits of a straight way through a medium's extent.
 const MAX_SCALE: f32 = 256.0;
@@ -55,69 +61,6 @@ const DEPOSITS_PER_PATH: f64 = 2.0;
 /// higher: paths traced in vain.
 const SHORT_PATH: f64 = 6.0;
 
-/// Radius of a kernel inside an object, at most, in mean free paths. More: photons beside the
-/// object that few kernels need; fewer: noise in the shade.
-const MOST_PATHS: f32 = 8.0;
-
-/// The same at least, a share of the object's half diagonal.
-const LEAST_REACH: f32 = 0.03;
-
-/// A medium's part of the world.
-#[derive(Debug, Clone)]
-pub struct Part {
-    /// Box around the medium.
-    pub bounds: Bounds,
-    /// Boxes that hold all of it, where it does not fill its own.
-    pub filled: Vec<Bounds>,
-    /// Largest radius of a kernel in it; 0 where it scatters nothing, and nothing is gathered. \[m\]
-    pub reach: f32,
-}
-
-impl Part {
-    /// The part that a medium takes, within `bounds` if it has none itself.
-    ///
-    /// A kernel is at most a tenth of the part's half diagonal wide, and in grids a brick's edge:
-    /// beyond that it blurs what the grid resolves.
-    pub fn new<S: Spectrum>(medium: &Medium<S>, bounds: Bounds) -> Self {
-        let bounds = medium.bounds().unwrap_or(bounds);
-        let voxel = medium.voxel_size().unwrap_or(f32::INFINITY);
-        Self {
-            bounds,
-            filled: Vec::new(),
-            reach: (0.1 * bounds.radius()).min(8.0 * voxel),
-        }
-    }
-
-    /// The part of what fills an object, given boxes that hold all of it.
-    ///
-    /// Photons are of use within a kernel's reach of the object alone, and nothing is seen of what
-    /// lies many mean free paths inside: kernels are no wider than `MOST_PATHS` of them, but for
-    /// the darkest places of a medium so dense that kernels would be empty.
-    pub fn inside<S: Spectrum>(medium: &Medium<S>, bounds: Bounds, filled: Vec<Bounds>) -> Self {
-        let mut part = Self::new(medium, bounds);
-        let path = 1.0 / medium.sigma_t.max_channel();
-        part.reach = part
-            .reach
-            .min((MOST_PATHS * path).max(LEAST_REACH * bounds.radius()));
-        part.filled = filled;
-        part
-    }
-
-    /// The box that kernels over the part's media reach.
-    #[must_use]
-    pub fn reached(&self) -> Bounds {
-        grown(&self.bounds, self.reach)
-    }
-}
-
-/// A box with a margin.
-fn grown(bounds: &Bounds, margin: f32) -> Bounds {
-    Bounds {
-        min: bounds.min - margin,
-        max: bounds.max + margin,
-    }
-}
-
 /// The rate of deposits, and the largest radius of a kernel, at every point of the world.
 #[derive(Debug, Clone)]
 pub struct DepositRate {
@@ -125,8 +68,10 @@ pub struct DepositRate {
     /// Edge of a cell. \[m\]
     edge: f32,
     dims: UVec3,
-    /// Of each cell, over the scale; nothing is deposited where it is 0. \[1/m\]
-    rates: Vec<f32>,
+    /// Of each cell, as a [level](Self::rate): a walk goes anywhere, and a byte of each is in the cache.
+    rates: Vec<u8>,
+    /// What a level counts from.
+    base: u32,
     /// Largest radius in each cell. \[m\]
     reaches: Vec<f32>,
     /// Rate where a cell has 1. \[1\]
@@ -148,23 +93,28 @@ impl DepositRate {
                 edge: 1.0,
                 dims: UVec3::ZERO,
                 rates: Vec::new(),
+                base: 0,
                 reaches: Vec::new(),
                 scale: FIRST_SCALE,
             };
         }
         let edge = longest / CELLS;
+        // A medium smaller than a cell must not fill the cell with deposits.
+        let per_extent = |part: &Part| 1.0 / (2.0 * part.bounds.radius()).max(edge);
+        let gathered = || parts.iter().filter(|part| part.reach > 0.0);
+        let highest = gathered().map(per_extent).fold(0.0, f32::max);
         let dims = (bounds.size() / edge).ceil().as_uvec3().max(UVec3::ONE);
         let mut this = Self {
             bounds,
             edge,
             dims,
-            rates: vec![0.0; (dims.x * dims.y * dims.z) as usize],
+            rates: vec![0; (dims.x * dims.y * dims.z) as usize],
             reaches: vec![0.0; (dims.x * dims.y * dims.z) as usize],
+            base: (highest.to_bits() >> LEFT_OUT).saturating_sub(u32::from(u8::MAX)),
             scale: FIRST_SCALE,
         };
         for (medium, part) in media.iter().zip(parts).filter(|(_, p)| p.reach > 0.0) {
-            // A medium smaller than a cell must not fill the cell with deposits.
-            let per_extent = 1.0 / (2.0 * part.bounds.radius()).max(edge);
+            let per_extent = per_extent(part);
             match &medium.field {
                 Field::Constant { .. } if !part.filled.is_empty() => {
                     for filled in &part.filled {
@@ -199,6 +149,8 @@ impl DepositRate {
     /// Raises the rate to at least `rate`, and lowers radii to at most `reach`, within `reach` of
     /// a box.
     fn raise(&mut self, around: &Bounds, reach: f32, rate: f32) {
+        let level = (rate.to_bits() >> LEFT_OUT).saturating_sub(self.base);
+        let level = level.clamp(1, u32::from(u8::MAX)) as u8;
         let around = grown(around, reach);
         let last = self.dims - UVec3::ONE;
         let first = self.cell_of(around.min);
@@ -207,12 +159,12 @@ impl DepositRate {
             for y in first.y..=end.y {
                 for z in first.z..=end.z {
                     let at = self.index(UVec3::new(x, y, z));
-                    self.reaches[at] = if self.rates[at] > 0.0 {
+                    self.reaches[at] = if self.rates[at] > 0 {
                         self.reaches[at].min(reach)
                     } else {
                         reach
                     };
-                    self.rates[at] = self.rates[at].max(rate);
+                    self.rates[at] = self.rates[at].max(level);
                 }
             }
         }
@@ -241,6 +193,18 @@ impl DepositRate {
         }
     }
 
+    /// The rate in a cell \[1/m\]; nothing is deposited where it is 0.
+    ///
+    /// By its level: the exponent and four bits of the fraction, counted from 255 for the highest rate of
+    /// all. A rate may be any that is known when power is divided by it.
+    #[inline(always)]
+    fn rate(&self, at: usize) -> f32 {
+        match self.rates[at] {
+            0 => 0.0,
+            level => f32::from_bits((u32::from(level) + self.base) << LEFT_OUT) * self.scale,
+        }
+    }
+
     /// The largest radius of a kernel at a point. \[m\]
     #[inline]
     #[must_use]
@@ -262,7 +226,7 @@ impl DepositRate {
             // In a dense cloud most pieces stay in one cell.
             let [first, last] = ends.map(|p| self.cell_of(p));
             if first == last {
-                let rate = self.rates[self.index(first)] * self.scale;
+                let rate = self.rate(self.index(first));
                 count_down(t_max * rate, left, |rest| visit(t_max - rest / rate, rate));
                 return;
             }
@@ -288,7 +252,7 @@ impl DepositRate {
         loop {
             let axis = exits.min_position();
             let end = exits[axis].clamp(t, t1);
-            let rate = self.rates[at] * self.scale;
+            let rate = self.rate(at);
             count_down((end - t) * rate, left, |rest| {
                 visit(end - rest / rate, rate);
             });
@@ -367,8 +331,8 @@ mod tests {
             for i in 0..30_000 {
                 let p = ray.at((i as f32 + 0.5) * step);
                 if rates.bounds.contains(p) {
-                    let rate = rates.rates[rates.index(rates.cell_of(p))];
-                    integral += f64::from(rate * rates.scale * step);
+                    let rate = rates.rate(rates.index(rates.cell_of(p)));
+                    integral += f64::from(rate * step);
                 }
             }
             let (mut count, mut inverse) = (0, 0.0f64);

@@ -32,6 +32,7 @@ mod heading;
 pub(crate) mod kdtree;
 pub mod kept;
 pub mod map;
+mod part;
 pub mod radius;
 pub mod rim;
 pub mod surface;
