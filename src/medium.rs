@@ -72,7 +72,7 @@ impl Placement {
         }
     }
 
-    /// The same in f64.
+    /// The ray of [`local_ray`](Self::local_ray) in f64.
     #[inline]
     #[must_use]
     pub fn exact_ray(&self, ray: &Ray) -> ExactRay {

@@ -357,12 +357,19 @@ impl<S: Spectrum> World<S> {
                 .sum::<usize>()
     }
 
+    /// The media of the open scene.
+    #[inline]
+    #[must_use]
+    pub fn open_media(&self) -> &[Medium<S>] {
+        &self.media[..self.open]
+    }
+
     /// The media of a place, and the index of the first of them.
     #[inline]
     #[must_use]
     pub fn media_for(&self, inside: &Inside) -> (usize, &[Medium<S>]) {
         let Some(owner) = inside.owner() else {
-            return (0, &self.media[..self.open]);
+            return (0, self.open_media());
         };
         match self.interiors[owner as usize] {
             Some(index) => (index, &self.media[index..=index]),

@@ -9,19 +9,19 @@
 //! Eight bytes a brick, as flights go anywhere.
 
 use glam::{IVec3, Vec3};
-use wide::i32x4;
+use wide::{i32x4, i32x8};
 
 use super::majorant::Cell;
 use super::merge::{Bricks, Merging, Price, merged};
 use super::segments::Segments;
-use super::squeeze::{Blocks, Squeeze};
-use super::tables::{DESCEND, Entry, Tables};
-use super::{Grid, TOP_LOG2};
+use super::squeeze::{Blocks, Squeeze, Verdict};
+use super::tables::{DESCEND, Entry, LEVEL, Tables};
+use super::{Grid, TABLE_BRICKS, TOP_LOG2};
 use crate::ray::Ray;
 
 /// Time of a collision, null or real, over that of a step (docs/grid.md). Larger: more steps; smaller:
 /// more collisions.
-const COLLISION: f64 = 0.2;
+const COLLISION: f64 = 0.4;
 /// Marks the link of a cell of one value.
 const CONSTANT: u32 = 1 << 30;
 /// Bits of a link for the level; what follows names the brick's blocks.
@@ -30,18 +30,40 @@ const LEVEL_BITS: u32 = 4;
 const NAMES: u32 = CONSTANT >> LEVEL_BITS;
 
 /// The majorant over one cube of bricks.
+///
+/// One word: in the lower half the majorant, in the upper log2 of the cube's edge in bricks and the number of the
+/// brick's blocks, or a table.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct FlightCell {
-    majorant: f32,
-    /// log2 of the cube's edge in bricks and the number of the brick's blocks, or a table.
-    link: u32,
-}
+pub(crate) struct FlightCell(pub(super) u64);
 
 impl FlightCell {
+    #[inline]
+    fn majorant(self) -> f32 {
+        f32::from_bits(self.0 as u32)
+    }
+
+    /// Lanes with links of cells of one value.
+    #[inline(always)]
+    pub(super) fn constants(links: i32x8) -> i32x8 {
+        (links << CONSTANT.leading_zeros()) >> 31u32
+    }
+
+    /// log2 of the cubes' edges in bricks, by their links.
+    #[inline(always)]
+    pub(super) fn levels(links: i32x8) -> i32x8 {
+        links & i32x8::splat(LEVEL as i32)
+    }
+
+    /// Numbers of the bricks' blocks, by links.
+    #[inline(always)]
+    pub(super) fn names(links: i32x8) -> i32x8 {
+        (links >> LEVEL_BITS) & i32x8::splat(NAMES as i32 - 1)
+    }
+
     /// Number of the brick's blocks.
     #[inline]
     pub(super) fn blocks(self) -> usize {
-        (self.link >> LEVEL_BITS & (NAMES - 1)) as usize
+        (self.link() >> LEVEL_BITS & (NAMES - 1)) as usize
     }
 
     fn new(cell: Cell, name: u32) -> Self {
@@ -53,40 +75,33 @@ impl FlightCell {
                 constant | name << LEVEL_BITS | cell.level()
             }
         };
-        Self {
-            majorant: cell.majorant,
-            link,
-        }
+        Self(u64::from(link) << 32 | u64::from(cell.majorant.to_bits()))
     }
 }
 
 impl Entry for FlightCell {
-    const NOTHING: Self = Self {
-        majorant: 0.0,
-        link: 0,
-    };
+    const NOTHING: Self = Self(0);
 
     #[inline]
     fn link(self) -> u32 {
-        self.link
+        (self.0 >> 32) as u32
     }
 
     #[inline]
     fn bounds(self) -> [f32; 2] {
-        let minorant = if self.link & CONSTANT == 0 {
-            0.0
-        } else {
-            self.majorant
-        };
-        [minorant, self.majorant]
+        let majorant = self.majorant();
+        let constant = self.link() & CONSTANT != 0;
+        [if constant { majorant } else { 0.0 }, majorant]
     }
 }
 
 /// Bounds of a [`Grid`] for free flights, merged for a given extinction.
 #[derive(Debug, Clone)]
 pub struct FlightGrid {
-    tables: Tables<FlightCell>,
-    blocks: Blocks,
+    pub(super) tables: Tables<FlightCell>,
+    pub(super) blocks: Blocks,
+    /// How many entries bricks have; those of top cells follow.
+    bricks: usize,
 }
 
 impl FlightGrid {
@@ -118,17 +133,26 @@ impl FlightGrid {
         let (cells, kept) = merged(bricks, &price, merging);
         let (blocks, names) = Blocks::new(bricks.grid, &kept);
         // Copied: collected in place they would keep the room of larger cells.
-        let top = cells.top.iter().copied();
-        let bricks = cells.bricks.iter().copied().zip(names);
+        let top = cells.top.iter();
+        let top: Vec<FlightCell> = top
+            .map(|&cell| FlightCell::new(cell, Blocks::OPEN))
+            .collect();
+        let count = cells.bricks.len();
+        let mut bricks = Vec::with_capacity(count + top.len());
+        let named = cells.bricks.iter().zip(names);
+        bricks.extend(named.map(|(&cell, name)| FlightCell::new(cell, name)));
+        bricks.extend(&top);
         let tables = Tables {
-            top: top.map(|cell| FlightCell::new(cell, 0)).collect(),
-            bricks: bricks
-                .map(|(cell, name)| FlightCell::new(cell, name))
-                .collect(),
+            top,
+            bricks,
             dims: cells.dims,
             support: cells.support,
         };
-        Self { tables, blocks }
+        Self {
+            tables,
+            blocks,
+            bricks: count,
+        }
     }
 
     /// The segments of a local-space ray inside [t0, t1].
@@ -165,7 +189,23 @@ impl FlightGrid {
         let voxel = i32x4::new([voxel.x, voxel.y, voxel.z, 0]);
         let top: i32x4 = voxel >> TOP_LOG2 as i32;
         let entry = self.tables.entry(top)?;
-        self.blocks_of(top, entry).is_below(x, voxel)
+        match self.blocks_of(top, entry).verdict(x, voxel) {
+            Verdict::Real => Some(true),
+            Verdict::Open => None,
+            Verdict::Null => Some(false),
+        }
+    }
+
+    /// Where the entries of top cells' bricks begin, given their own links and numbers, or where their
+    /// own are; and the bits that tell bricks apart.
+    #[inline(always)]
+    pub(super) fn first(&self, links: i32x8, numbers: i32x8) -> (i32x8, i32x8) {
+        // The sign.
+        let descend = links >> DESCEND.trailing_zeros();
+        let tables = (links & i32x8::splat(!DESCEND as i32)) << TABLE_BRICKS.trailing_zeros();
+        let own = numbers + i32x8::splat(self.bricks as i32);
+        let slots = descend & i32x8::splat(TABLE_BRICKS as i32 - 1);
+        (descend.select(tables, own), slots)
     }
 
     /// Bytes that the bounds take in memory, as allocated.
@@ -177,6 +217,7 @@ impl FlightGrid {
     /// The most that the bounds of `grid` take, whatever its extinction: no cells merged.
     #[must_use]
     pub fn most_memory_bytes(grid: &Grid) -> usize {
-        Tables::<FlightCell>::most_bytes(grid) + Blocks::most_bytes(grid)
+        let tops = grid.top.len() * size_of::<FlightCell>();
+        Tables::<FlightCell>::most_bytes(grid) + tops + Blocks::most_bytes(grid)
     }
 }

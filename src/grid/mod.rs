@@ -25,26 +25,31 @@ pub mod build;
 mod cells;
 mod compact;
 mod corners;
+mod cursor;
 pub mod flights;
 mod index;
 pub mod load;
 pub mod majorant;
 pub mod merge;
+pub(crate) mod octet;
 mod place;
 pub mod plateau;
 pub mod segments;
 pub(crate) mod squeeze;
 mod tables;
+mod tap;
 mod values;
 pub mod walk;
 
 use std::sync::Arc;
 
 use glam::{DAffine3, DVec3, IVec3, UVec3, Vec3};
-use wide::{f32x4, i32x4};
+use wide::{f32x4, f32x8, i32x4};
 
 pub use self::corners::Corners;
-use self::place::{Opened, Place, Spot};
+pub use self::cursor::Cursor;
+use self::place::{Place, Spot};
+pub(crate) use self::tap::{eight_taps, tap};
 use self::values::Values;
 use crate::ray::Bounds;
 
@@ -148,17 +153,6 @@ fn cell_and_fraction(p: Vec3) -> (i32x4, Vec3) {
     (floor.fast_trunc_int(), Vec3::new(u, v, w))
 }
 
-/// The voxel at one corner of p's cell, chosen with the probability of its trilinear weight: its
-/// value is in expectation the field at p, for one fetch instead of eight (Hofmann et al. 2021).
-/// Only for estimators linear in the field. `u` holds uniforms.
-#[inline(always)]
-pub(crate) fn tap(p: f32x4, u: f32x4) -> i32x4 {
-    let floor = p.floor();
-    // All bits set are -1.
-    let next: i32x4 = bytemuck::cast(u.simd_lt(p - floor));
-    floor.fast_trunc_int() - next
-}
-
 /// The three axes of four lanes.
 #[inline(always)]
 fn three(v: i32x4) -> [i32; 3] {
@@ -181,18 +175,6 @@ impl Grid {
         self.values.corners(self.spot(three(cell))).at(f)
     }
 
-    /// A look-up for places near one another.
-    #[inline]
-    #[must_use]
-    pub fn cursor(&self) -> Cursor<'_> {
-        let outside = i32x4::splat(i32::MIN);
-        Cursor {
-            grid: self,
-            at: outside >> 3,
-            brick: self.place(three(outside)).open(self.constants),
-        }
-    }
-
     /// The value at one corner of p's cell: see `tap`.
     #[inline(always)]
     #[must_use]
@@ -205,6 +187,20 @@ impl Grid {
     #[inline(always)]
     pub(crate) fn value(&self, voxel: i32x4) -> f32 {
         self.values.at(self.spot(three(voxel)).start)
+    }
+
+    /// Where the value at a local voxel is, which will be read.
+    #[inline(always)]
+    pub(crate) fn find(&self, voxel: [i32; 3]) -> usize {
+        let at = self.spot(voxel).start;
+        self.values.prefetch(at);
+        at
+    }
+
+    /// The values at eight places that were [found](Self::find), or at 0.
+    #[inline(always)]
+    pub(crate) fn found(&self, at: [usize; 8]) -> f32x8 {
+        self.values.eight(at)
     }
 
     /// The value at a local voxel.
@@ -395,32 +391,6 @@ impl Grid {
                 pick(2, lo.z, hi.z),
             ))
         })
-    }
-}
-
-/// Looks a field up at places near one another, as along a ray: the last brick is kept at hand, so
-/// that only a new one is looked for in the index.
-#[derive(Debug, Clone)]
-pub struct Cursor<'a> {
-    grid: &'a Grid,
-    /// Coordinates of the brick.
-    at: i32x4,
-    brick: Opened,
-}
-
-impl Cursor<'_> {
-    /// The field at a local point: [`Grid::lookup`].
-    #[inline(always)]
-    #[must_use]
-    pub fn lookup(&mut self, p: Vec3) -> f32 {
-        let (cell, f) = cell_and_fraction(p);
-        let at = cell >> 3;
-        if at != self.at {
-            self.at = at;
-            self.brick = self.grid.place(three(cell)).open(self.grid.constants);
-        }
-        let spot = self.brick.spot(three(cell));
-        self.grid.values.corners(spot).at(f)
     }
 }
 

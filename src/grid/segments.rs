@@ -61,20 +61,20 @@ fn brick_of(p: f32x4) -> i32x4 {
 #[derive(Debug, Clone)]
 pub(crate) struct Segments<'a, E> {
     tables: &'a Tables<E>,
-    origin: f32x4,
-    direction: f32x4,
+    pub(super) origin: f32x4,
+    pub(super) direction: f32x4,
     /// One over the direction; 0 where no face is ever reached.
-    inverse: f32x4,
+    pub(super) inverse: f32x4,
     /// Set where faces are reached.
     moves: f32x4,
     /// Set where the ray goes up.
     up: i32x4,
     /// What boxes are widened by. \[voxels\]
     margin: f32,
-    t: f32,
-    t_end: f32,
+    pub(super) t: f32,
+    pub(super) t_end: f32,
     /// Brick that the walk is in.
-    brick: i32x4,
+    pub(super) brick: i32x4,
     /// Its cell, if known.
     cell: Option<E>,
     /// The top cell that the last segment is in, and its entry.
@@ -120,7 +120,7 @@ impl<'a, E: Entry> Segments<'a, E> {
 
     /// The point at t.
     #[inline]
-    fn at(&self, t: f32) -> f32x4 {
+    pub(crate) fn at(&self, t: f32) -> f32x4 {
         self.direction.mul_add(f32x4::splat(t), self.origin)
     }
 
@@ -133,6 +133,12 @@ impl<'a, E: Entry> Segments<'a, E> {
             self.top = top;
         }
         self.tables.entry_in(self.entry, self.brick)
+    }
+
+    /// True where there is no segment more.
+    #[inline]
+    pub(crate) fn is_done(&self) -> bool {
+        self.t >= self.t_end
     }
 
     /// Where the ray enters and leaves a box; the other way round if it misses.
@@ -168,12 +174,28 @@ impl<E: Entry> Iterator for Segments<'_, E> {
 
     #[inline(always)]
     fn next(&mut self) -> Option<MajorantSegment> {
-        if self.t >= self.t_end {
-            return None;
-        }
-        let cell = match self.cell.take() {
-            Some(cell) => cell,
-            None => self.fetch()?,
+        (!self.is_done()).then(|| self.advance())
+    }
+}
+
+impl<E: Entry> Segments<'_, E> {
+    /// The next segment, of a walk that is not done.
+    #[inline(always)]
+    pub(crate) fn advance(&mut self) -> MajorantSegment {
+        let fetched = match self.cell.take() {
+            Some(cell) => Some(cell),
+            None => self.fetch(),
+        };
+        let Some(cell) = fetched else {
+            // Beyond the grid, where rounding has put the last point of the support.
+            let (t_min, t_max) = (self.t, self.t_end);
+            self.t = t_max;
+            return MajorantSegment {
+                t_min,
+                t_max,
+                majorant: 0.0,
+                minorant: 0.0,
+            };
         };
         let mask = cell.mask();
         let low = self.brick & mask;
@@ -206,19 +228,19 @@ impl<E: Entry> Iterator for Segments<'_, E> {
                 // On in the same brick.
                 self.t = segment.t_max;
                 self.cell = Some(cell);
-                return Some(segment);
+                return segment;
             }
         }
         self.t = end;
         if exit == f32::INFINITY {
             self.t = self.t_end;
-            return Some(segment);
+            return segment;
         }
         // Inside the cell on the other axes, beyond it on this one.
         let inside = brick_of(self.at(self.t)).max(low).min(low | !mask);
         let beyond = face + !self.up;
         let left: i32x4 = bytemuck::cast(meets.simd_le(f32x4::splat(exit)));
         self.brick = left.bitselect(beyond, inside);
-        Some(segment)
+        segment
     }
 }

@@ -16,13 +16,16 @@
 //! voxels, not the field between: a tap has chosen its voxel (Hofmann et al. 2021), and 2^3 values
 //! are much closer to one another than the 3^3 between which 2^3 cells interpolate.
 
+use bytemuck::cast;
 use glam::IVec3;
 use rayon::prelude::*;
-use wide::i32x4;
+use wide::{f32x8, i32x4, i32x8, u16x8};
 
 use super::flights::FlightCell;
 use super::place::Place;
 use super::{Grid, TABLE_BRICKS, TOP_LOG2, corner_index, three};
+use crate::lanes::lanes;
+use crate::prefetch::prefetch;
 
 /// Blocks of a brick.
 const BLOCKS: usize = 64;
@@ -30,6 +33,25 @@ const BLOCKS: usize = 64;
 const LEFT_OUT: u32 = 19;
 /// Level of the greatest value: that beyond it is still a byte.
 const TOP: i32 = 254;
+
+/// What blocks tell of a collision.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub(crate) enum Verdict {
+    /// Real, whatever the value is.
+    Real,
+    /// Either.
+    Open,
+    /// Null, whatever the value is.
+    Null,
+}
+
+/// Lanes of each [`Verdict`]; of neither, open.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Verdicts {
+    pub(crate) real: i32x8,
+    pub(crate) null: i32x8,
+}
 
 /// Levels that no value of the block is below, and that all are below.
 type Block = [u8; 2];
@@ -80,6 +102,32 @@ impl Blocks {
     #[inline(always)]
     fn level(&self, x: f32) -> i32 {
         ((x.to_bits() >> LEFT_OUT) as i32 - self.base).max(0)
+    }
+
+    /// Where the blocks of local voxels are, by the names of their bricks' blocks; they will be read.
+    #[inline(always)]
+    pub(super) fn find(&self, names: i32x8, [i, j, k]: [i32x8; 3]) -> i32x8 {
+        let block = ((i << 3u32) & i32x8::splat(0x30))
+            | ((j << 1u32) & i32x8::splat(0xc))
+            | ((k >> 1u32) & i32x8::splat(3));
+        let at = names * i32x8::splat(BLOCKS as i32) + block;
+        let each = at.to_array();
+        lanes(|lane| prefetch(&self.all, each[lane] as u32 as usize));
+        at
+    }
+
+    /// What blocks tell of collisions that are real if `x`, not below 0, is below the value, by where they
+    /// are; of lanes that are `known`.
+    #[inline(always)]
+    pub(super) fn verdicts(&self, x: f32x8, at: i32x8, known: i32x8) -> Verdicts {
+        let at = at.to_array();
+        let block = |lane: usize| u16::from_le_bytes(self.all[at[lane] as u32 as usize]);
+        let blocks = i32x8::from_u16x8(u16x8::new(lanes(block)));
+        let bits: i32x8 = cast(x);
+        let level = ((bits >> LEFT_OUT) - i32x8::splat(self.base)).max(i32x8::ZERO);
+        let real = level.simd_lt(blocks & i32x8::splat(0xff)) & known;
+        let null = !level.simd_lt(blocks >> 8u32) & known;
+        Verdicts { real, null }
     }
 
     /// The blocks of the brick at a place.
@@ -141,28 +189,26 @@ pub(crate) struct Squeeze<'a> {
 }
 
 impl Squeeze<'_> {
-    /// Whether `x`, not below 0, is below the value at a local voxel, if its block can tell.
+    /// Of a collision that is real if `x`, not below 0, is below the value at a local voxel.
     #[inline(always)]
-    pub(crate) fn is_below(&self, x: f32, voxel: i32x4) -> Option<bool> {
+    pub(crate) fn verdict(&self, x: f32, voxel: i32x4) -> Verdict {
         let top: i32x4 = voxel >> TOP_LOG2 as i32;
         if !top.simd_eq(self.top).all() {
-            return None;
+            return Verdict::Open;
         }
         let [i, j, k] = three(voxel);
         let slot = (i << 5 & 0xf00) | (j << 1 & 0xf0) | (k >> 3 & 0xf);
-        let brick = self.bricks.get(slot as usize)?;
-        let [low, high] = *self
-            .blocks
-            .all
-            .get(brick.blocks() * BLOCKS + block([i, j, k]))?;
+        let Some(brick) = self.bricks.get(slot as usize) else {
+            return Verdict::Open;
+        };
+        let at = brick.blocks() * BLOCKS + block([i, j, k]);
+        let Some(&[low, high]) = self.blocks.all.get(at) else {
+            return Verdict::Open;
+        };
+        // By sums, not by branches, which cannot be guessed.
         let level = self.blocks.level(x);
-        if level < i32::from(low) {
-            Some(true)
-        } else if level >= i32::from(high) {
-            Some(false)
-        } else {
-            None
-        }
+        let beyond = usize::from(level >= i32::from(low)) + usize::from(level >= i32::from(high));
+        [Verdict::Real, Verdict::Open, Verdict::Null][beyond]
     }
 }
 

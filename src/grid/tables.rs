@@ -16,7 +16,7 @@ use crate::ray::Bounds;
 /// Marks a link that names a table, not a cell.
 pub(super) const DESCEND: u32 = 1 << 31;
 /// Bits of any other for the level.
-const LEVEL: u32 = 0xf;
+pub(super) const LEVEL: u32 = 0xf;
 
 /// What is kept for a cube of bricks; or, of a top cell, its table.
 pub(crate) trait Entry: Copy {

@@ -17,6 +17,8 @@ use wide::{f32x4, f32x8, i16x8, i32x4, i32x8};
 
 use super::corners::Corners;
 use super::place::Spot;
+use crate::lanes::lanes;
+use crate::prefetch::prefetch;
 
 /// Parts in which values are narrowed; each gives its space back before the next, so that no more
 /// than one is there twice.
@@ -123,6 +125,26 @@ impl Values {
         match self {
             Self::Full(values) => values[index],
             Self::Half(values) => values[index].widen(),
+        }
+    }
+
+    /// The values at eight indices.
+    #[inline(always)]
+    pub(super) fn eight(&self, at: [usize; 8]) -> f32x8 {
+        match self {
+            Self::Full(values) => f32x8::new(lanes(|lane| values[at[lane]])),
+            Self::Half(values) => {
+                widen8(i16x8::new(lanes(|lane| values[at[lane]].to_bits() as i16)))
+            }
+        }
+    }
+
+    /// The value at an index will be read.
+    #[inline(always)]
+    pub(super) fn prefetch(&self, index: usize) {
+        match self {
+            Self::Full(values) => prefetch(values, index),
+            Self::Half(values) => prefetch(values, index),
         }
     }
 

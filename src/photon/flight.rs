@@ -11,6 +11,7 @@
 use super::deposit::DepositRate;
 use super::surface::SurfacePhoton;
 use super::{Heading, Photon, Photons, TraceSettings};
+use crate::medium::Medium;
 use crate::ray::Ray;
 use crate::spectrum::Spectrum;
 use crate::surface::{Hit, Inside, SampleKind, Transport};
@@ -24,6 +25,7 @@ const MAX_PIECES: u32 = 100_000;
 /// A photon on its way.
 pub(super) struct Flight<'a, S> {
     pub(super) world: &'a World<S>,
+    pub(super) sampler: Sampler,
     pub(super) ray: Ray,
     /// Before the weight of its colours. \[W\]
     pub(super) power: S,
@@ -31,55 +33,107 @@ pub(super) struct Flight<'a, S> {
     pub(super) inside: Inside,
     /// Scattering events so far.
     pub(super) order: u32,
+    /// Deposited before the first of them.
+    pub(super) keep_first: bool,
     /// Kept where it meets a diffuse surface straight from its light.
     pub(super) straight: bool,
     /// Integral of the rate of deposits up to the next one.
     pub(super) left: f32,
+    /// Pieces since the last scattering event.
+    pub(super) pieces: u32,
+    /// The surface at the end of the piece.
+    pub(super) hit: Option<Hit>,
 }
 
-impl<S: Spectrum> Flight<'_, S> {
+/// What ends a piece of a photon's way.
+pub(super) enum Piece<'a, S> {
+    /// A collision, or the surface if there is one.
+    Known(Option<Collision>),
+    /// Whatever is first in these media, or else the surface at `t_max`.
+    Flight { media: &'a [Medium<S>], t_max: f32 },
+}
+
+impl<'a, S: Spectrum> Flight<'a, S> {
     /// Follows the photon to its end.
     pub(super) fn follow<H: Heading>(
         &mut self,
         settings: &TraceSettings<'_>,
-        keep_first: bool,
-        sampler: &mut Sampler,
         out: &mut Photons<S, H>,
     ) {
-        let world = self.world;
-        let (mut pieces, mut order) = (0, self.order);
-        while pieces < MAX_PIECES {
-            sampler.counters.effects.surface_rays += u64::from(world.surfaces.is_some());
-            let (first, media) = world.media_for(&self.inside);
-            // In marble most flights end long before the surface, which need not be looked for.
-            let drawn = draw_distance(media, &self.hero, sampler);
-            let hit = world.surfaces.as_ref().and_then(|s| {
-                let reach = drawn.unwrap_or(f32::INFINITY);
-                s.intersect(self.ray.origin, self.ray.direction, reach)
-            });
-            let t_max = hit.as_ref().map_or(f32::INFINITY, |hit| hit.t);
-            let collision = match drawn {
-                Some(distance) => fly(media, distance, t_max, &mut self.hero, sampler),
-                None => sample_free_flight(media, &self.ray, t_max, &mut self.hero, sampler),
-            };
-            if self.order > 0 || keep_first {
-                self.deposit(settings.rate, collision.map_or(t_max, |c| c.t), out);
-            }
-            let goes_on = match (collision, hit) {
-                (Some(c), _) => self.collide(first, c, sampler, out),
-                (None, Some(hit)) => self.meet(&hit, settings.surface_photons, sampler, out),
-                (None, None) => {
-                    out.energy.escaped += f64::from((self.power * self.hero.weight()).mean());
-                    false
+        loop {
+            let collision = match self.set_out() {
+                Piece::Known(collision) => collision,
+                Piece::Flight { media, t_max } => {
+                    sample_free_flight(media, &self.ray, t_max, &mut self.hero, &mut self.sampler)
                 }
             };
-            if !goes_on {
+            if !self.arrive(collision, settings, out) {
                 return;
             }
-            pieces = if self.order == order { pieces + 1 } else { 0 };
-            order = self.order;
+        }
+    }
+
+    /// Begins the next piece of its way.
+    #[inline]
+    pub(super) fn set_out(&mut self) -> Piece<'a, S> {
+        let world = self.world;
+        let sampler = &mut self.sampler;
+        sampler.counters.effects.surface_rays += u64::from(world.surfaces.is_some());
+        let (_, media) = world.media_for(&self.inside);
+        // In marble most flights end long before the surface, which need not be looked for.
+        let drawn = draw_distance(media, &self.hero, sampler);
+        self.hit = world.surfaces.as_ref().and_then(|s| {
+            let reach = drawn.unwrap_or(f32::INFINITY);
+            s.intersect(self.ray.origin, self.ray.direction, reach)
+        });
+        let t_max = self.reach();
+        match drawn {
+            Some(distance) => {
+                let (hero, sampler) = (&mut self.hero, &mut self.sampler);
+                Piece::Known(fly(media, distance, t_max, hero, sampler))
+            }
+            None => Piece::Flight { media, t_max },
+        }
+    }
+
+    /// How far the surface is.
+    fn reach(&self) -> f32 {
+        self.hit.as_ref().map_or(f32::INFINITY, |hit| hit.t)
+    }
+
+    /// At the end of a piece; false where the photon ends.
+    #[inline]
+    pub(super) fn arrive<H: Heading>(
+        &mut self,
+        collision: Option<Collision>,
+        settings: &TraceSettings<'_>,
+        out: &mut Photons<S, H>,
+    ) -> bool {
+        let order = self.order;
+        if order > 0 || self.keep_first {
+            self.deposit(settings.rate, collision.map_or(self.reach(), |c| c.t), out);
+        }
+        let goes_on = match (collision, self.hit.take()) {
+            (Some(c), _) => self.collide(c, out),
+            (None, Some(hit)) => self.meet(&hit, settings.surface_photons, out),
+            (None, None) => {
+                out.energy.escaped += f64::from((self.power * self.hero.weight()).mean());
+                false
+            }
+        };
+        if !goes_on {
+            return false;
+        }
+        self.pieces = if self.order == order {
+            self.pieces + 1
+        } else {
+            0
+        };
+        if self.pieces < MAX_PIECES {
+            return true;
         }
         out.energy.cut_off += f64::from((self.power * self.hero.weight()).mean());
+        false
     }
 
     /// Deposits on the straight piece [0, t_end] of the way.
@@ -99,14 +153,10 @@ impl<S: Spectrum> Flight<'_, S> {
 
     /// A collision in a medium; false where the photon ends.
     #[inline]
-    fn collide<H: Heading>(
-        &mut self,
-        first: usize,
-        collision: Collision,
-        sampler: &mut Sampler,
-        out: &mut Photons<S, H>,
-    ) -> bool {
+    fn collide<H: Heading>(&mut self, collision: Collision, out: &mut Photons<S, H>) -> bool {
         let world = self.world;
+        let sampler = &mut self.sampler;
+        let (first, _) = world.media_for(&self.inside);
         let medium = &world.media[first + collision.medium];
         let position = self.ray.at(collision.t);
         sampler.counters.effects.absorbing += u64::from(medium.absorbs());
@@ -138,14 +188,9 @@ impl<S: Spectrum> Flight<'_, S> {
     }
 
     /// A surface; false where the photon ends.
-    fn meet<H: Heading>(
-        &mut self,
-        hit: &Hit,
-        keep: bool,
-        sampler: &mut Sampler,
-        out: &mut Photons<S, H>,
-    ) -> bool {
+    fn meet<H: Heading>(&mut self, hit: &Hit, keep: bool, out: &mut Photons<S, H>) -> bool {
         let world = self.world;
+        let sampler = &mut self.sampler;
         let Some(surfaces) = &world.surfaces else {
             return false;
         };

@@ -27,6 +27,7 @@
 //! straight from a sampled light is not.
 
 pub mod deposit;
+mod emission;
 mod flight;
 mod heading;
 pub(crate) mod kdtree;
@@ -40,23 +41,18 @@ pub mod surface;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use crate::light::{Emitted, Light};
-use crate::ray::Bounds;
 use crate::rng::{Rng, Stage};
 use crate::scene::Direct;
 use crate::spectrum::Spectrum;
-use crate::tracking::{Counters, Hero, Sampler};
+use crate::tracking::Counters;
 use crate::world::World;
 
 pub use heading::{Heading, Packed};
 
 use deposit::DepositRate;
-use flight::Flight;
+use emission::{Emission, Shares, chunk_of};
 use kept::{Kept, chance_of};
 use surface::SurfacePhoton;
-
-/// Photons of one unit of parallel work.
-const CHUNK: u64 = 512;
 
 /// A photon on its way. 16 bytes grey and isotropic, 32 chromatic and anisotropic.
 #[derive(Debug, Clone, Copy)]
@@ -192,56 +188,6 @@ impl<S: Spectrum, H: Heading> Photons<S, H> {
     }
 }
 
-/// Fractions added per photon: powers of the inverse of the root of x^5 = x + 1, in 2^-64.
-const KRONECKER: [u64; 4] = [
-    0xdb4f_0b91_75ae_2165,
-    0xbbe0_5633_03a4_615f,
-    0xa0f2_ec75_a1fe_1575,
-    0x89e1_8285_7d9e_d688,
-];
-
-/// How the emitted photons are shared out among the lights.
-struct Shares {
-    /// Probability of each light.
-    probability: Vec<f32>,
-    /// Upper end of each light's share of [0, 1).
-    upper: Vec<f32>,
-}
-
-impl Shares {
-    fn new<S: Spectrum>(world: &World<S>, target: &Bounds) -> Option<Self> {
-        let powers: Vec<f32> = world
-            .lights
-            .iter()
-            .map(|l| l.power_toward(target))
-            .collect();
-        let total: f32 = powers.iter().sum();
-        if !(total > 0.0 && total.is_finite()) {
-            return None;
-        }
-        let mut sum = 0.0;
-        let upper = powers
-            .iter()
-            .map(|p| {
-                sum += p / total;
-                sum
-            })
-            .collect();
-        Some(Self {
-            probability: powers.iter().map(|p| p / total).collect(),
-            upper,
-        })
-    }
-
-    fn pick(&self, u: f32) -> usize {
-        let last = self.probability.iter().rposition(|p| *p > 0.0).unwrap_or(0);
-        self.upper
-            .iter()
-            .position(|upper| u < *upper)
-            .unwrap_or(last)
-    }
-}
-
 /// Traces photons; the same whatever the number of threads.
 #[must_use]
 pub fn trace_photons<S: Spectrum, H: Heading>(
@@ -253,15 +199,18 @@ pub fn trace_photons<S: Spectrum, H: Heading>(
         return all;
     };
     let mut shift = Rng::stream(settings.seed, settings.stage, settings.pass, u64::MAX);
-    let shift: [u64; 5] = std::array::from_fn(|_| shift.bits());
-    let chunks: Vec<Photons<S, H>> = (0..settings.emit.div_ceil(CHUNK))
+    let emission = Emission {
+        world,
+        settings,
+        shares,
+        shift: std::array::from_fn(|_| shift.bits()),
+    };
+    let chunk = chunk_of(settings.emit);
+    let chunks: Vec<Photons<S, H>> = (0..settings.emit.div_ceil(chunk))
         .into_par_iter()
-        .map(|chunk| {
-            let mut part = Photons::none(0);
-            for index in chunk * CHUNK..((chunk + 1) * CHUNK).min(settings.emit) {
-                trace_one(world, settings, &shares, &shift, index, &mut part);
-            }
-            part
+        .map(|number| {
+            let first = number * chunk;
+            emission.trace(first..(first + chunk).min(settings.emit))
         })
         .collect();
     all.first
@@ -282,57 +231,4 @@ pub fn trace_photons<S: Spectrum, H: Heading>(
     counts.higher_orders += all.higher.len() as u64;
     counts.surface_photons += all.surface.len() as u64;
     all
-}
-
-/// Emits and follows one photon.
-fn trace_one<S: Spectrum, H: Heading>(
-    world: &World<S>,
-    settings: &TraceSettings<'_>,
-    shares: &Shares,
-    shift: &[u64; 5],
-    index: u64,
-    out: &mut Photons<S, H>,
-) {
-    let mut sampler = Sampler::new(Rng::stream(
-        settings.seed,
-        settings.stage,
-        settings.pass,
-        index,
-    ));
-    // Lights take turns in proportion to their power; each photon's four numbers are the next
-    // point of the shifted sequence.
-    let unit = |bits: u64| (bits >> 40) as f32 * (1.0 / (1u64 << 24) as f32);
-    let turn = (index as f64 + f64::from(unit(shift[4]))) / settings.emit as f64;
-    let which = shares.pick(turn as f32);
-    let u: [f32; 4] =
-        std::array::from_fn(|d| unit(shift[d].wrapping_add(KRONECKER[d].wrapping_mul(index + 1))));
-    let light = &world.lights[which];
-    let emitted = match (light, &world.surfaces) {
-        (Light::Emitter(emitter), Some(surfaces)) => {
-            emitter.emit(surfaces, &world.target, u, &mut sampler.rng)
-        }
-        (Light::Glow(glow), _) => glow.emit(world, u, &mut sampler.rng),
-        _ => light.emit(&world.target, u, &mut sampler.rng),
-    };
-    let Some(Emitted { ray, power }) = emitted else {
-        return;
-    };
-    let power = power * (1.0 / (shares.probability[which] * settings.emit as f32));
-    out.energy.emitted += f64::from(power.mean());
-    let counts = &mut sampler.counters.effects;
-    counts.sky += u64::from(light.is_sky());
-    counts.coloured += u64::from(S::CHANNELS > 1);
-    let keep_first = settings.direct == Direct::Photons || !light.is_sampled();
-    Flight {
-        world,
-        ray,
-        power,
-        hero: Hero::choose(&mut sampler.rng),
-        inside: world.light_inside[which],
-        order: 0,
-        straight: light.is_glow(),
-        left: sampler.uniform(),
-    }
-    .follow(settings, keep_first, &mut sampler, out);
-    out.counters += sampler.counters;
 }

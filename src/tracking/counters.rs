@@ -1,7 +1,5 @@
 //! What was done, counted: the report's figures, and the proof that pruned effects cost nothing.
 
-use wide::f32x4;
-
 use crate::rng::Rng;
 
 /// What was done, counted per unit of work and summed for the report.
@@ -127,9 +125,9 @@ pub struct Sampler {
     pub rng: Rng,
     /// Work done.
     pub counters: Counters,
-    /// The next exponential number, drawn ahead: where a flight goes on is mostly guessed wrongly,
-    /// and then nothing waits for it.
-    exponential: f32,
+    /// Optical thickness left of a step of delta tracking: distributed as exp(-tau) whatever happened
+    /// before, as a flight that ends without a collision forgets how far it came.
+    pub(super) budget: f32,
 }
 
 impl Sampler {
@@ -137,7 +135,7 @@ impl Sampler {
     #[must_use]
     pub fn new(mut rng: Rng) -> Self {
         Self {
-            exponential: rng.exponential(),
+            budget: rng.exponential(),
             rng,
             counters: Counters::default(),
         }
@@ -152,14 +150,7 @@ impl Sampler {
     /// Optical thickness of a free flight, distributed as exp(-tau).
     #[inline]
     pub fn exponential(&mut self) -> f32 {
-        std::mem::replace(&mut self.exponential, self.rng.exponential())
-    }
-
-    /// Uniforms in three lanes, and 0.
-    #[inline]
-    pub(crate) fn uniform4(&mut self) -> f32x4 {
-        let [x, y, z] = self.rng.uniform3();
-        f32x4::new([x, y, z, 0.0])
+        self.rng.exponential()
     }
 
     /// Two uniforms.

@@ -21,39 +21,24 @@ use super::hero::{Hero, Passed, coloured};
 /// Mean free paths of the majorant across a voxel beyond which a segment is followed cell by cell.
 /// Lower: media that null collisions cross in fewer look-ups; higher: loops that grow with what a
 /// spike is over its surroundings.
-const DENSE: f32 = 64.0;
+pub(super) const DENSE: f32 = 64.0;
 
-/// True where a majorant \[1/m\] is dense along a ray in voxels.
+/// The majorant \[1/m\] above which a segment of a ray in voxels is dense.
 #[inline]
-pub(super) fn is_dense(sigma_maj: f32, local: &Ray) -> bool {
-    sigma_maj > DENSE * local.direction.length()
+pub(super) fn least_dense(local: &Ray) -> f32 {
+    DENSE * local.direction.length()
 }
 
-/// A ray in a grid, and where its segments are dense.
+/// A ray in a grid whose segments are dense.
 pub(super) struct Dense<'a> {
     field: &'a GridField,
     ray: &'a Ray,
-    local: Ray,
-    /// Least majorant of a dense segment. \[1/m\]
-    least: f32,
 }
 
 impl<'a> Dense<'a> {
-    /// A world's ray, and the same in voxels.
-    #[inline]
-    pub(super) fn new(field: &'a GridField, ray: &'a Ray, local: &Ray) -> Self {
-        Self {
-            field,
-            ray,
-            local: *local,
-            least: DENSE * local.direction.length(),
-        }
-    }
-
-    /// True for a segment of this majorant. \[1/m\]
-    #[inline]
-    pub(super) fn is(&self, sigma_maj: f32) -> bool {
-        sigma_maj > self.least
+    /// A world's ray.
+    pub(super) fn new(field: &'a GridField, ray: &'a Ray) -> Self {
+        Self { field, ray }
     }
 
     /// Visits the pieces of [t0, t1]; returns look-ups.
@@ -80,34 +65,49 @@ impl<'a> Dense<'a> {
         (depth, lookups)
     }
 
-    /// The first collision in [t0, t1], and look-ups. `budget` is the optical thickness up to it,
-    /// and on return what is left of it.
+    /// The first collision in [t0, t1]. `budget` is the optical thickness up to it: what is left of an
+    /// exponential one is another, for real collisions as for null ones.
     #[cold]
     pub(super) fn flight<S: Spectrum>(
         &self,
         (t0, t1): (f32, f32),
         sigma_t: S,
-        budget: &mut f32,
+        mut budget: f32,
         hero: &mut Hero<S>,
-    ) -> (Option<f32>, u64) {
-        let mut found = None;
+    ) -> Found {
+        let mut t = None;
         let mut more = 0;
+        let local = self.field.placement.local_ray(self.ray);
         let density = |t| {
             more += 1;
-            self.field.grid.lookup(self.local.at(t))
+            self.field.grid.lookup(local.at(t))
         };
         let mut collide = Collide {
             sigma_t,
-            budget,
+            budget: &mut budget,
             hero,
             density,
         };
         let lookups = self.pieces(t0, t1, |piece| {
-            found = collide.within(&piece);
-            found.is_none()
+            t = collide.within(&piece);
+            t.is_none()
         });
-        (found, lookups + more)
+        Found {
+            t,
+            left: budget,
+            lookups: lookups + more,
+        }
     }
+}
+
+/// What came of a flight through a dense segment.
+#[derive(Debug)]
+pub(super) struct Found {
+    /// The collision.
+    pub(super) t: Option<f32>,
+    /// What is left of the budget if there is none.
+    pub(super) left: f32,
+    pub(super) lookups: u64,
 }
 
 /// Depth along a ray in one cell: a quartic, since the density is a cubic.

@@ -91,7 +91,7 @@ impl<S: Spectrum> Hero<S> {
     pub(super) fn arrive(&mut self, end: f32, collision: Option<S>) {
         if S::CHANNELS > 1 {
             self.ratio = self.ratio_at(end);
-            if let Some(sigma_t) = collision {
+            if let Some(sigma_t) = collision.filter(|sigma_t| coloured(*sigma_t)) {
                 self.ratio *= self.over_own(sigma_t);
             }
         }

@@ -23,14 +23,17 @@ mod counters;
 mod dense;
 mod flight;
 mod hero;
+mod many;
+mod octet;
 
 pub use counters::{Counters, EFFECTS, EffectCounts, Sampler};
 pub use hero::Hero;
+pub use many::{Ended, Flights, lanes_of};
 
 use glam::Vec3;
 use wide::f32x4;
 
-use dense::{Collide, Dense};
+use dense::{Collide, Dense, least_dense};
 use flight::grid_flight;
 use hero::{Passed, coloured};
 
@@ -180,7 +183,7 @@ fn plateau_flight<S: Spectrum>(
     let coloured = coloured(sigma_t);
     let value = field.plateau.value;
     let sigma_maj = highest * value;
-    if dense::is_dense(sigma_maj, &local) {
+    if sigma_maj > least_dense(&local) {
         let mut budget = sampler.exponential();
         let mut found = None;
         let exact = field.placement.exact_ray(ray);
@@ -268,10 +271,10 @@ fn ratio_tracking<S: Spectrum>(
     // Depth of the control, applied once at the end. [m]
     let mut control = 0.0;
     let mut budget = sampler.exponential();
-    let dense = Dense::new(field, ray, &local);
+    let least_dense = least_dense(&local);
     for segment in field.majorants.segments(&local, 0.0, t_max) {
-        if dense.is(highest * segment.majorant) {
-            let (depth, lookups) = dense.depth(segment.t_min, segment.t_max);
+        if highest * segment.majorant > least_dense {
+            let (depth, lookups) = Dense::new(field, ray).depth(segment.t_min, segment.t_max);
             sampler.counters.density_lookups += lookups;
             // Finite, lest a channel that is clear be 0 times infinity.
             control += (depth as f32).min(f32::MAX);

@@ -7,6 +7,7 @@ mod cli;
 mod effects;
 mod fields;
 mod film_image;
+mod flights;
 mod furnace;
 mod glow;
 mod grid;
