@@ -5,12 +5,13 @@ use super::{block_means, rendered, rendered_by, scene};
 const CAMERA: &str = "[camera]\nposition = [0, 0, 4]\nlook_at = [0, 0, 0]\nup = [0, 1, 0]\n\
     vertical_fov = 40\nresolution = [24, 24]\n[[light]]\nsky = { radiance = 1.0 }\n";
 
-/// Each block is 1 within 5 standard errors, and `bias` for what a kernel blurs.
+/// Each block is 1 within 5 standard errors, and `bias` for what a kernel blurs. Of 12 seeds: Student's t
+/// of 11 degrees of freedom is beyond that once in 2500 blocks, of the 5 of half as many once in 240.
 fn is_one(name: &str, text: &str, method: &str, bias: f64) {
     let scene = scene(&format!(
         "{CAMERA}{text}\n[render]\nmethod = \"{method}\"\nspp = 16\nphotons = 100000\npasses = 2\nmax_bounces = 2000\n"
     ));
-    for (i, f) in block_means(&scene, 3, 6).into_iter().enumerate() {
+    for (i, f) in block_means(&scene, 3, 12).into_iter().enumerate() {
         println!("{name} {method} block {i}: {:.4} +- {:.4}", f.mean, f.error);
         assert!(
             (f.mean - 1.0).abs() < 5.0 * f.error + bias + 1e-5,
