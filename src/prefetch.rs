@@ -4,7 +4,10 @@
 //! that a program can see and never faults, whatever the address, so that nothing has to hold.
 //! Without it, flights of the teapot (38 MB) wait a quarter of their time (`benches/free_flight.rs`).
 
-#![expect(unsafe_code, reason = "the one hint that there is; see above")]
+#![cfg_attr(
+    target_arch = "x86_64",
+    expect(unsafe_code, reason = "the one hint that there is; see above")
+)]
 
 /// Fetches what is at an index into the first-level cache, where the machine can.
 #[inline(always)]
