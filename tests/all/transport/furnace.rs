@@ -5,13 +5,18 @@ use super::{block_means, rendered, rendered_by, scene};
 const CAMERA: &str = "[camera]\nposition = [0, 0, 4]\nlook_at = [0, 0, 0]\nup = [0, 1, 0]\n\
     vertical_fov = 40\nresolution = [24, 24]\n[[light]]\nsky = { radiance = 1.0 }\n";
 
-/// Each block is 1 within 5 standard errors, and `bias` for what a kernel blurs. Of 12 seeds: Student's t
+/// Each block is 1 within 5 standard errors of 12 seeds, and `bias` for what a kernel blurs. Student's t
 /// of 11 degrees of freedom is beyond that once in 2500 blocks, of the 5 of half as many once in 240.
 fn is_one(name: &str, text: &str, method: &str, bias: f64) {
+    is_one_by(12, name, text, method, bias);
+}
+
+/// The same by so many seeds.
+fn is_one_by(seeds: u64, name: &str, text: &str, method: &str, bias: f64) {
     let scene = scene(&format!(
         "{CAMERA}{text}\n[render]\nmethod = \"{method}\"\nspp = 16\nphotons = 100000\npasses = 2\nmax_bounces = 2000\n"
     ));
-    for (i, f) in block_means(&scene, 3, 12).into_iter().enumerate() {
+    for (i, f) in block_means(&scene, 3, seeds).into_iter().enumerate() {
         println!("{name} {method} block {i}: {:.4} +- {:.4}", f.mean, f.error);
         assert!(
             (f.mean - 1.0).abs() < 5.0 * f.error + bias + 1e-5,
@@ -84,9 +89,9 @@ fn a_white_medium_in_an_interface_is_invisible() {
 fn a_white_medium_in_glass_is_invisible() {
     let ball = "[[object]]\nshape = { sphere = { center = [0, 0, 0], radius = 1 } }\n\
         material = { glass = { ior = 1.3 } }\ninterior = { extinction = 2.0, albedo = 1.0, phase = { henyey_greenstein = { g = 0.5 } } }\n";
-    for method in ["path", "beam"] {
-        is_one("medium in glass", ball, method, 0.0);
-    }
+    is_one("medium in glass", ball, "path", 0.0);
+    // What a few photons bring to the middle through the glass differs much from seed to seed.
+    is_one_by(48, "medium in glass", ball, "beam", 0.0);
 }
 
 /// Media, glass, metal, floor and colours, all together.
