@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! grid      b * 729 + 8 bytes per brick, 4 * 4096 per table of bricks, 4 per 128^3 voxels
-//! b         2 where every value is a 16-bit float, else 4
+//! b         2 where every value is a 16-bit float that is not negative, else 4
 //! bounds    at most 12 * 4096 per table, 12 per 128^3 voxels; fewer where cells merge
 //! ratio     grid / (4 * voxels),   voxels: 512 per leaf, or those active in leaves
 //! ```

@@ -132,14 +132,15 @@ fn halves_are_their_f32_twin() {
 }
 
 #[test]
-fn every_half_is_kept() {
+fn every_half_of_a_density_is_kept() {
     let edge = 40;
-    // All 63,488 finite bit patterns, subnormals, -0 and +-65504 among them.
+    // All 31,744 finite bit patterns of densities, subnormals and 65504 among them.
     let finite: Vec<f32> = (0..=u16::MAX)
-        .map(|bits| f16::from_bits(bits).to_f32())
-        .filter(|v| v.is_finite())
+        .map(f16::from_bits)
+        .filter(|v| v.is_finite() && v.is_sign_positive())
+        .map(f16::to_f32)
         .collect();
-    assert_eq!(finite.len(), 63_488);
+    assert_eq!(finite.len(), 31_744);
     let value = |v: IVec3| finite[((v.x * edge + v.y) * edge + v.z) as usize % finite.len()];
     let high = IVec3::splat(edge - 1);
     let grid = grid(IVec3::ZERO, high, value);
@@ -153,12 +154,14 @@ fn every_half_is_kept() {
             }
         }
     }
-    assert_eq!(grid.range(), [-65504.0, 65504.0]);
+    assert_eq!(grid.range(), [0.0, 65504.0]);
 }
 
 #[test]
 fn one_value_of_more_bits_keeps_all_in_32() {
     let least = f16::MIN_POSITIVE_SUBNORMAL.to_f32();
+    let beyond = 39f32.exp2();
+    let greatest = 65504.0 / 65536.0 * beyond;
     let high = IVec3::splat(30);
     // One voxel of 30,000, in the first brick, the last, or one between and in others' aprons.
     let with =
@@ -166,15 +169,15 @@ fn one_value_of_more_bits_keeps_all_in_32() {
     for odd in [
         0.1,
         1.0 + 0.5 * f16::EPSILON.to_f32(),
-        1.5 * least,
         0.5 * least,
         f32::MIN_POSITIVE,
-        -0.5 * least,
+        -1.0,
+        -least,
         65505.0,
         65520.0,
+        beyond,
         1e30,
         -1e30,
-        // Halves have it, but finite ones are widened faster.
         f32::INFINITY,
     ] {
         for at in [IVec3::ZERO, high, IVec3::new(7, 8, 15)] {
@@ -184,12 +187,16 @@ fn one_value_of_more_bits_keeps_all_in_32() {
             assert_eq!(kept.to_bits(), odd.to_bits(), "{odd:e}");
         }
     }
-    for even in [least, 3.0 * least, 65504.0, -0.0, 0.5] {
+    for even in [least, 1.5 * least, 65504.0, greatest, 0.0, 0.5] {
         let grid = with(even, high);
         assert_eq!(grid.value_bits(), 16, "{even:e}");
         let kept = grid.voxel(high - grid.origin());
         assert_eq!(kept.to_bits(), even.to_bits(), "{even:e}");
     }
+    // The sign of 0 is let go.
+    let grid = with(-0.0, high);
+    assert_eq!(grid.value_bits(), 16);
+    assert_eq!(grid.voxel(high - grid.origin()).to_bits(), 0);
 }
 
 #[test]
