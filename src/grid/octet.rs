@@ -32,6 +32,10 @@ pub(crate) struct Octet<'a> {
     /// The entry of a top cell's first brick, or the only one there is; bits that tell bricks apart.
     first: i32x8,
     slots: i32x8,
+    /// Fetched: majorants and links of the bricks that rays are in; the lanes that are inside the grid.
+    majorant: f32x8,
+    link: i32x8,
+    inside: i32x8,
 }
 
 /// Pieces of the rays, and their bounds.
@@ -79,6 +83,9 @@ impl<'a> Octet<'a> {
             top: [i32x8::ZERO; 3],
             first: i32x8::ZERO,
             slots: i32x8::ZERO,
+            majorant: f32x8::ZERO,
+            link: i32x8::ZERO,
+            inside: i32x8::ZERO,
         }
     }
 
@@ -108,9 +115,9 @@ impl<'a> Octet<'a> {
         axes(|axis| self.direction[axis].mul_add(t, self.origin[axis]))
     }
 
-    /// The majorants and links of the bricks that rays are in, and the lanes that are inside the grid.
+    /// Fetches the cells that the rays of some lanes are in.
     #[inline(always)]
-    fn fetch_cells(&mut self, of: i32x8) -> (f32x8, i32x8, i32x8) {
+    pub(crate) fn fetch(&mut self, of: i32x8) {
         let tables = &self.flights.tables;
         let dims = tables.dims.as_ivec3();
         let dims = axes(|axis| i32x8::splat(dims[axis]));
@@ -122,18 +129,19 @@ impl<'a> Octet<'a> {
         let (_, links) = fetch(&tables.top, number);
         let (first, slots) = self.flights.first(links, number);
         let at = first + (slot(self.brick) & slots);
-        let (majorants, links) = fetch(&tables.bricks, at);
+        (self.majorant, self.link) = fetch(&tables.bricks, at);
+        self.inside = inside;
         self.first = of.select(first, self.first);
         self.slots = of.select(slots, self.slots);
         self.top = axes(|axis| of.select(top[axis], self.top[axis]));
-        (majorants, links, inside)
     }
 
-    /// The next segments of some lanes, whose rays are not done; of others, anything.
+    /// The next segments of some lanes, whose rays are not done, across the cells fetched; of others,
+    /// anything.
     #[inline(always)]
     pub(crate) fn advance(&mut self, of: i32x8) -> EightSegments {
-        let (majorant, link, inside) = self.fetch_cells(of);
-        let majorant = floats(inside) & majorant;
+        let (link, inside) = (self.link, self.inside);
+        let majorant = floats(inside) & self.majorant;
         let minorant = floats(FlightCell::constants(link)) & majorant;
         let mask = i32x8::splat(-1) << cast::<i32x8, u32x8>(FlightCell::levels(link));
         let up = axes(|axis| ints(self.inverse[axis].simd_gt(f32x8::ZERO)));

@@ -101,9 +101,11 @@ impl<'a> Flights<'a> {
             left: 0,
         };
         let mut looking = 0;
-        for octet in &mut self.octets {
-            octet.step();
-        }
+        // Part by part: while one octet waits for what it fetched the next one fetches.
+        self.octets.iter_mut().for_each(FlightOctet::fetch);
+        self.octets.iter_mut().for_each(FlightOctet::step);
+        self.octets.iter_mut().for_each(FlightOctet::draw);
+        self.octets.iter_mut().for_each(FlightOctet::find_blocks);
         for (number, octet) in self.octets.iter_mut().enumerate() {
             let turn = octet.collide();
             ended.collided |= turn.collided << (8 * number);

@@ -42,7 +42,8 @@ pub(super) struct FlightOctet<'a> {
     t: f32x8,
     /// Optical thickness of the majorants from there to the next collision.
     budget: f32x8,
-    /// End of the segment, and its bounds.
+    /// Where the step begins and where the segment ends, and its bounds.
+    t_min: f32x8,
     t_max: f32x8,
     majorant: f32x8,
     minorant: f32x8,
@@ -82,6 +83,7 @@ impl<'a> FlightOctet<'a> {
             looking: i32x8::ZERO,
             t: f32x8::ZERO,
             budget: f32x8::ZERO,
+            t_min: f32x8::ZERO,
             t_max: f32x8::ZERO,
             majorant: f32x8::ZERO,
             minorant: f32x8::ZERO,
@@ -130,25 +132,42 @@ impl<'a> FlightOctet<'a> {
         collides
     }
 
-    /// The first half of a turn: steps, and what is drawn of collisions.
+    /// First part of a turn: the cells of steps.
+    #[inline(always)]
+    pub(super) fn fetch(&mut self) {
+        self.segments.fetch(self.walking);
+    }
+
+    /// Second part: steps across them.
     #[inline(always)]
     pub(super) fn step(&mut self) {
         let walking = self.walking;
         let segments = self.segments.advance(walking);
+        self.t_min = segments.t_min;
         self.t_max = pick(walking, segments.t_max, self.t_max);
         self.majorant = pick(walking, segments.majorant, self.majorant);
         self.minorant = pick(walking, segments.minorant, self.minorant);
-        let hits = self.reach(walking, segments.t_min);
-        self.walking = walking & !hits;
+    }
+
+    /// Third part: who collides there, and what is drawn of collisions.
+    #[inline(always)]
+    pub(super) fn draw(&mut self) {
+        let hits = self.reach(self.walking, self.t_min);
+        self.walking &= !hits;
         self.colliding |= hits;
         let draw = self.rng.collision(self.colliding);
         self.bar = draw.bar * self.majorant;
         self.voxel = eight_taps(self.segments.at(self.t), draw.tap);
-        self.block = self.segments.find_blocks(self.voxel);
         self.next = draw.tau;
     }
 
-    /// The second half: what comes of collisions.
+    /// Fourth part: the blocks of collisions.
+    #[inline(always)]
+    pub(super) fn find_blocks(&mut self) {
+        self.block = self.segments.find_blocks(self.voxel);
+    }
+
+    /// Last part: what comes of collisions.
     #[inline(always)]
     pub(super) fn collide(&mut self) -> Turn {
         let verdicts = self.segments.verdicts(self.bar, self.voxel, self.block);
