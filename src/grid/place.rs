@@ -15,6 +15,8 @@
 //! stands: points fall in and out of boxes at random, and a processor that need not guess which
 //! fetches for several look-ups at a time.
 
+use std::hint::select_unpredictable;
+
 use glam::IVec3;
 use wide::i32x4;
 
@@ -153,7 +155,7 @@ impl Place {
         let varies = i64::from(!self.is_constant());
         let row = (i64::from(last & 7) + 2) * varies;
         Opened {
-            base: self.base() - zero as i64,
+            base: self.base(),
             zero: zero as i64,
             row,
             slab: (i64::from(last >> 4 & 7) + 2) * row,
@@ -167,7 +169,7 @@ impl Place {
 /// A brick made ready for look-ups.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Opened {
-    /// Index of corner (0, 0, 0), were it stored, from `zero` on.
+    /// Index of corner (0, 0, 0), were it stored.
     base: i64,
     /// Index at which 0 stands.
     zero: i64,
@@ -192,15 +194,14 @@ impl Opened {
         // All three axes at a time: the highest bit of a field stays where none is borrowed.
         let from = (packed | HIGH).wrapping_sub(self.low);
         let room = self.last - (from & 0x777);
-        // All bits set inside: masks, because what is written as a choice is made a branch, and
-        // that would be guessed wrongly.
-        let inside = -i64::from(((from & room & HIGH) + (0x1000 - HIGH)) >> 12);
+        let inside = from & room & HIGH == HIGH;
         let [x, y, z] = [x, y, z].map(i64::from);
         let index = self.base + x * self.slab + y * self.row + (z & self.along);
+        // What is written as a choice is made a branch, and that would be guessed wrongly.
         Spot {
-            start: (self.zero + (index & inside)) as usize,
-            row: (self.row & inside) as u8,
-            slab: (self.slab & inside) as u8,
+            start: select_unpredictable(inside, index, self.zero) as usize,
+            row: select_unpredictable(inside, self.row, 0) as u8,
+            slab: select_unpredictable(inside, self.slab, 0) as u8,
         }
     }
 }
