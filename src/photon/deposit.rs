@@ -31,13 +31,16 @@
 //!
 //! Sources: Jensen 2001; the idea of points sampled along photon beams from Krivanek et al. 2014.
 
+use std::hint::select_unpredictable;
+
 use glam::{UVec3, Vec3};
 
+use super::lattice::Lattice;
 pub use super::part::Part;
 use super::part::grown;
 
 use crate::medium::{Field, Medium};
-use crate::ray::{Bounds, Ray, reciprocal};
+use crate::ray::{Bounds, Ray};
 use crate::spectrum::Spectrum;
 
 /// Cells along the longest edge. More: rates and radii follow outlines more closely, and walks
@@ -64,10 +67,7 @@ const SHORT_PATH: f64 = 6.0;
 /// The rate of deposits, and the largest radius of a kernel, at every point of the world.
 #[derive(Debug, Clone)]
 pub struct DepositRate {
-    bounds: Bounds,
-    /// Edge of a cell. \[m\]
-    edge: f32,
-    dims: UVec3,
+    cells: Lattice,
     /// Of each cell, as a [level](Self::rate): a walk goes anywhere, and a byte of each is in the cache.
     rates: Vec<u8>,
     /// What a level counts from.
@@ -89,9 +89,7 @@ impl DepositRate {
         let longest = bounds.size().max_element();
         if !(longest > 0.0 && longest.is_finite()) {
             return Self {
-                bounds: Bounds::EMPTY,
-                edge: 1.0,
-                dims: UVec3::ZERO,
+                cells: Lattice::new(Bounds::EMPTY, 1.0),
                 rates: Vec::new(),
                 base: 0,
                 reaches: Vec::new(),
@@ -103,13 +101,11 @@ impl DepositRate {
         let per_extent = |part: &Part| 1.0 / (2.0 * part.bounds.radius()).max(edge);
         let gathered = || parts.iter().filter(|part| part.reach > 0.0);
         let highest = gathered().map(per_extent).fold(0.0, f32::max);
-        let dims = (bounds.size() / edge).ceil().as_uvec3().max(UVec3::ONE);
+        let cells = Lattice::new(bounds, edge);
         let mut this = Self {
-            bounds,
-            edge,
-            dims,
-            rates: vec![0; (dims.x * dims.y * dims.z) as usize],
-            reaches: vec![0.0; (dims.x * dims.y * dims.z) as usize],
+            rates: vec![0; cells.len()],
+            reaches: vec![0.0; cells.len()],
+            cells,
             base: (highest.to_bits() >> LEFT_OUT).saturating_sub(u32::from(u8::MAX)),
             scale: FIRST_SCALE,
         };
@@ -152,13 +148,11 @@ impl DepositRate {
         let level = (rate.to_bits() >> LEFT_OUT).saturating_sub(self.base);
         let level = level.clamp(1, u32::from(u8::MAX)) as u8;
         let around = grown(around, reach);
-        let last = self.dims - UVec3::ONE;
-        let first = self.cell_of(around.min);
-        let end = self.cell_of(around.max).min(last);
+        let [first, end] = [around.min, around.max].map(|p| self.cells.cell_of(p));
         for x in first.x..=end.x {
             for y in first.y..=end.y {
                 for z in first.z..=end.z {
-                    let at = self.index(UVec3::new(x, y, z));
+                    let at = self.cells.index(UVec3::new(x, y, z));
                     self.reaches[at] = if self.rates[at] > 0 {
                         self.reaches[at].min(reach)
                     } else {
@@ -168,16 +162,6 @@ impl DepositRate {
                 }
             }
         }
-    }
-
-    /// The cell of a point; the nearest of one outside.
-    fn cell_of(&self, p: Vec3) -> UVec3 {
-        let q = ((p - self.bounds.min) / self.edge).max(Vec3::ZERO);
-        q.as_uvec3().min(self.dims - UVec3::ONE)
-    }
-
-    fn index(&self, c: UVec3) -> usize {
-        (c.x as usize * self.dims.y as usize + c.y as usize) * self.dims.z as usize + c.z as usize
     }
 
     /// Sets the scale, given how many deposits a path left on average so far, and how many flights
@@ -199,10 +183,9 @@ impl DepositRate {
     /// all. A rate may be any that is known when power is divided by it.
     #[inline(always)]
     fn rate(&self, at: usize) -> f32 {
-        match self.rates[at] {
-            0 => 0.0,
-            level => f32::from_bits((u32::from(level) + self.base) << LEFT_OUT) * self.scale,
-        }
+        let level = u32::from(self.rates[at]);
+        let rate = f32::from_bits((level + self.base) << LEFT_OUT) * self.scale;
+        select_unpredictable(level == 0, 0.0, rate)
     }
 
     /// The largest radius of a kernel at a point. \[m\]
@@ -212,7 +195,7 @@ impl DepositRate {
         if self.rates.is_empty() {
             return 0.0;
         }
-        self.reaches[self.index(self.cell_of(p))]
+        self.reaches[self.cells.index(self.cells.cell_of(p))]
     }
 
     /// Visits the deposits on [0, t_max] of a ray with their rate \[1/m\]. `left` is the integral of
@@ -221,53 +204,10 @@ impl DepositRate {
         if self.rates.is_empty() {
             return;
         }
-        let ends = [ray.origin, ray.at(t_max)];
-        if ends.iter().all(|p| self.bounds.contains(*p)) {
-            // In a dense cloud most pieces stay in one cell.
-            let [first, last] = ends.map(|p| self.cell_of(p));
-            if first == last {
-                let rate = self.rate(self.index(first));
-                count_down(t_max * rate, left, |rest| visit(t_max - rest / rate, rate));
-                return;
-            }
-        }
-        let Some((t0, t1)) = self.bounds.clip(ray, 0.0, t_max) else {
-            return;
-        };
-        let inverse = reciprocal(ray.direction);
-        let mut cell = self.cell_of(ray.at(t0)).as_ivec3();
-        // The face by which the ray leaves the cell along each axis.
-        let mut exits = Vec3::INFINITY;
-        let exit = |axis: usize, cell: i32| {
-            let face = cell + i32::from(inverse[axis] > 0.0);
-            let plane = (face as f32).mul_add(self.edge, self.bounds.min[axis]);
-            (plane - ray.origin[axis]) * inverse[axis]
-        };
-        for axis in (0..3).filter(|a| inverse[*a].is_finite()) {
-            exits[axis] = exit(axis, cell[axis]);
-        }
-        let strides = [self.dims.y * self.dims.z, self.dims.z, 1].map(|s| s as isize);
-        let mut at = self.index(cell.as_uvec3());
-        let mut t = t0;
-        loop {
-            let axis = exits.min_position();
-            let end = exits[axis].clamp(t, t1);
+        self.cells.along(ray, t_max, |at, end, length| {
             let rate = self.rate(at);
-            count_down((end - t) * rate, left, |rest| {
-                visit(end - rest / rate, rate);
-            });
-            if end >= t1 {
-                return;
-            }
-            t = end;
-            let forward = if inverse[axis] > 0.0 { 1 } else { -1 };
-            cell[axis] += forward;
-            if cell[axis] < 0 || cell[axis] >= self.dims[axis] as i32 {
-                return;
-            }
-            at = at.wrapping_add_signed(strides[axis] * forward as isize);
-            exits[axis] = exit(axis, cell[axis]);
-        }
+            count_down(length * rate, left, |rest| visit(end - rest / rate, rate));
+        });
     }
 }
 
@@ -318,6 +258,7 @@ mod tests {
     #[test]
     fn deposits_follow_the_rate() {
         let rates = rates();
+        let bounds = rates.cells.bounds;
         for (origin, direction) in [
             (Vec3::new(-5.0, 1.0, 1.0), Vec3::X),
             (Vec3::new(12.0, 5.0, 3.0), Vec3::new(-14.0, -7.5, -5.5)),
@@ -330,8 +271,8 @@ mod tests {
             let (mut integral, step) = (0.0f64, 1e-3f32);
             for i in 0..30_000 {
                 let p = ray.at((i as f32 + 0.5) * step);
-                if rates.bounds.contains(p) {
-                    let rate = rates.rate(rates.index(rates.cell_of(p)));
+                if bounds.contains(p) {
+                    let rate = rates.rate(rates.cells.index(rates.cells.cell_of(p)));
                     integral += f64::from(rate * step);
                 }
             }
@@ -340,7 +281,7 @@ mod tests {
             for i in 0..starts {
                 let mut left = (i as f32 + 0.5) / starts as f32;
                 rates.along(&ray, f32::INFINITY, &mut left, |t, rate| {
-                    assert!(rates.bounds.contains(ray.at(t)), "deposit outside at {t}");
+                    assert!(bounds.contains(ray.at(t)), "deposit outside at {t}");
                     count += 1;
                     inverse += 1.0 / f64::from(rate);
                 });

@@ -32,6 +32,7 @@ mod flight;
 mod heading;
 pub(crate) mod kdtree;
 pub mod kept;
+mod lattice;
 pub mod map;
 mod part;
 pub mod radius;
