@@ -10,8 +10,8 @@
 //!
 //! A half has a sign in place of the sixth bit of the exponent, and so its smallest values, below
 //! 6e-5, have no leading 1. Moved to where an f32 has them, these are subnormal there, and many
-//! machines need 150 cycles for a product with one: the rims of smoke are full of them. Here every
-//! code but 0 is the leading bits of an ordinary f32.
+//! machines multiply one many times more slowly: the rims of smoke are full of them. Here every code
+//! but 0 is the leading bits of an ordinary f32.
 //!
 //! Source: IEEE 754-2008, binary16 and binary32; NanoVDB (Museth 2021) has Fp16 grids, which round.
 
