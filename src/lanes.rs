@@ -3,7 +3,26 @@
 //! Written out: an array's own `map` is a loop that is not always unrolled, and then goes through memory.
 
 use bytemuck::cast;
-use wide::{f32x8, i32x8};
+use glam::Vec3;
+use wide::{f32x4, f32x8, i32x8};
+
+/// Three axes, and 0.
+#[inline(always)]
+pub(crate) fn four(v: Vec3) -> f32x4 {
+    f32x4::new([v.x, v.y, v.z, 0.0])
+}
+
+/// The lesser of two numbers, the second if one is not a number. One instruction, unlike `f32::min`.
+#[inline(always)]
+pub(crate) fn lesser<T: PartialOrd>(a: T, b: T) -> T {
+    if a < b { a } else { b }
+}
+
+/// The greater of two numbers, the second if one is not a number.
+#[inline(always)]
+pub(crate) fn greater<T: PartialOrd>(a: T, b: T) -> T {
+    if a > b { a } else { b }
+}
 
 /// What is made of each axis.
 #[inline(always)]

@@ -20,6 +20,7 @@ use wide::{f64x4, i32x4};
 
 use super::place::Spot;
 use super::{BRICK, Grid};
+use crate::lanes::{greater, lesser};
 use crate::ray::{ExactRay, reciprocal};
 
 /// A ray in f64, its three axes side by side.
@@ -171,18 +172,6 @@ impl<'a> Cells<'a> {
         self.low += mask & self.line.step;
         Some(crossing)
     }
-}
-
-/// The lesser of two numbers, in one instruction.
-#[inline(always)]
-fn lesser(a: f64, b: f64) -> f64 {
-    if a < b { a } else { b }
-}
-
-/// The greater of two numbers, in one instruction.
-#[inline(always)]
-fn greater(a: f64, b: f64) -> f64 {
-    if a > b { a } else { b }
 }
 
 /// A brick and its stored cells, as a ray sees them.

@@ -44,13 +44,14 @@ pub mod walk;
 use std::sync::Arc;
 
 use glam::{DAffine3, DVec3, IVec3, UVec3, Vec3};
-use wide::{f32x4, f32x8, i32x4};
+use wide::{f32x8, i32x4};
 
 pub use self::corners::Corners;
 pub use self::cursor::Cursor;
 use self::place::{Place, Spot};
 pub(crate) use self::tap::{eight_taps, tap};
 use self::values::Values;
+use crate::lanes::four;
 use crate::ray::Bounds;
 
 /// Cells of a brick along an axis.
@@ -146,7 +147,7 @@ fn top_cell(dims: UVec3, at: usize) -> IVec3 {
 /// The voxel below a point on all axes, and where between it and the next the point lies.
 #[inline(always)]
 fn cell_and_fraction(p: Vec3) -> (i32x4, Vec3) {
-    let p = f32x4::new([p.x, p.y, p.z, 0.0]);
+    let p = four(p);
     let floor = p.floor();
     let [u, v, w, _] = (p - floor).to_array();
     // Not a number, or too far for an integer: i32::MIN, which is outside.
@@ -179,8 +180,7 @@ impl Grid {
     #[inline(always)]
     #[must_use]
     pub fn lookup_one_tap(&self, p: Vec3, u: Vec3) -> f32 {
-        let lanes = |v: Vec3| f32x4::new([v.x, v.y, v.z, 0.0]);
-        self.value(tap(lanes(p), lanes(u)))
+        self.value(tap(four(p), four(u)))
     }
 
     /// The value at a local voxel.

@@ -5,11 +5,12 @@
 //! every step, never back, so it ends after at most as many steps as the grid has bricks along
 //! its three axes, whatever rounding does to t.
 
-use glam::{IVec3, Vec3};
+use glam::IVec3;
 use wide::{f32x4, i32x4};
 
 use super::TABLE;
 use super::tables::{Entry, Tables};
+use crate::lanes::{four, greater, lesser};
 use crate::ray::Ray;
 
 /// What a box is widened by at least: twice what a point of a ray can be off by at the farthest
@@ -30,24 +31,6 @@ pub struct MajorantSegment {
     pub majorant: f32,
     /// Smallest density.
     pub minorant: f32,
-}
-
-/// Three components as lanes; the fourth is 0.
-#[inline]
-pub(crate) fn four(v: Vec3) -> f32x4 {
-    f32x4::new([v.x, v.y, v.z, 0.0])
-}
-
-/// The lesser of two; the second if one is not a number. One instruction, unlike `f32::min`.
-#[inline]
-fn least(a: f32, b: f32) -> f32 {
-    if a < b { a } else { b }
-}
-
-/// The greater of two; the second if one is not a number.
-#[inline]
-fn most(a: f32, b: f32) -> f32 {
-    if a > b { a } else { b }
 }
 
 /// The brick that a point is in, that towards 0 from it below 0; far outside where there is none.
@@ -107,7 +90,7 @@ impl<'a, E: Entry> Segments<'a, E> {
         };
         let support = &tables.support;
         let (enter, leave) = this.crossing(four(support.min), four(support.max));
-        let (enter, leave) = (most(enter, t0), least(leave, t1));
+        let (enter, leave) = (greater(enter, t0), lesser(leave, t1));
         if enter < leave {
             (this.t, this.t_end) = (enter, leave);
             let highest = tables.dims.as_ivec3() * TABLE - IVec3::ONE;
@@ -153,8 +136,8 @@ impl<'a, E: Entry> Segments<'a, E> {
         let enter = self.moves.bitselect(a.fast_min(b), never).to_array();
         let leave = self.moves.bitselect(a.fast_max(b), -never).to_array();
         (
-            most(most(enter[0], enter[1]), enter[2]),
-            least(least(leave[0], leave[1]), leave[2]),
+            greater(greater(enter[0], enter[1]), enter[2]),
+            lesser(lesser(leave[0], leave[1]), leave[2]),
         )
     }
 
@@ -205,8 +188,8 @@ impl<E: Entry> Segments<'_, E> {
         let infinity = f32x4::splat(f32::INFINITY);
         let meets = self.moves.bitselect(meets, infinity);
         let [x, y, z, _] = meets.to_array();
-        let exit = least(least(x, y), z);
-        let end = least(most(exit, self.t), self.t_end);
+        let exit = lesser(lesser(x, y), z);
+        let end = lesser(greater(exit, self.t), self.t_end);
         let [minorant, majorant] = cell.bounds();
         let mut segment = MajorantSegment {
             t_min: self.t,

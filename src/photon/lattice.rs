@@ -12,6 +12,7 @@
 use glam::{UVec3, Vec3};
 use wide::{f32x4, i32x4};
 
+use crate::lanes::{four, greater, lesser};
 use crate::ray::{Bounds, Ray};
 
 /// Cells of a box.
@@ -24,18 +25,6 @@ pub(super) struct Lattice {
     dims: f32x4,
     /// From a cell to the next on each axis.
     strides: [isize; 3],
-}
-
-/// Three axes side by side, and 0.
-#[inline(always)]
-fn four(v: Vec3) -> f32x4 {
-    f32x4::new([v.x, v.y, v.z, 0.0])
-}
-
-/// The lesser of two numbers, in one instruction.
-#[inline(always)]
-fn lesser(a: f32, b: f32) -> f32 {
-    if a < b { a } else { b }
 }
 
 /// The least over three axes.
@@ -155,7 +144,7 @@ impl Lattice {
         let mut s = 0.0;
         loop {
             let nearest = least(next);
-            let end = lesser(if nearest > s { nearest } else { s }, whole);
+            let end = lesser(greater(nearest, s), whole);
             visit(at, lesser(t0 + end, t1), end - s);
             if end >= whole || end.is_nan() {
                 return;

@@ -153,8 +153,13 @@ pub fn cell_value(values: &[f64; 8], f: DVec3) -> f64 {
 /// A medium of a grid with unit voxels at its own place.
 #[must_use]
 pub fn medium<S: Spectrum>(grid: &Grid, sigma_t: S) -> Medium<S> {
-    let (field, sigma_t) =
-        GridField::in_units(grid.clone(), &DAffine3::IDENTITY, DVec3::ZERO, sigma_t);
+    medium_at(grid, &DAffine3::IDENTITY, sigma_t)
+}
+
+/// The same, moved, turned and stretched.
+#[must_use]
+pub fn medium_at<S: Spectrum>(grid: &Grid, after: &DAffine3, sigma_t: S) -> Medium<S> {
+    let (field, sigma_t) = GridField::in_units(grid.clone(), after, DVec3::ZERO, sigma_t);
     Medium {
         sigma_t,
         albedo: S::ONE,

@@ -37,7 +37,7 @@ use dense::{Collide, Dense, least_dense};
 use flight::grid_flight;
 use hero::{Passed, coloured};
 
-use crate::grid::segments::four;
+use crate::lanes::four;
 use crate::medium::{Field, GridField, Medium, PlateauField};
 use crate::ray::{Bounds, Ray};
 use crate::spectrum::Spectrum;

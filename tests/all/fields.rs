@@ -13,7 +13,8 @@ use vpm_vdb::vdb::Archive;
 use vpm_vdb::world::LoadedVolume;
 
 pub(crate) use vpm_vdb::selftest::fields::{
-    blob, direction, medium, noise, patchy, ray_through, rng, scene, smoke, trilinear, unit, volume,
+    blob, direction, medium, medium_at, noise, patchy, ray_through, rng, scene, smoke, trilinear,
+    unit, volume,
 };
 
 use crate::vdb_files;

@@ -3,30 +3,23 @@
 use glam::{DAffine3, DQuat, DVec3, IVec3, Vec3};
 
 use vpm_vdb::grid::Grid;
-use vpm_vdb::medium::{Field, GridField, Medium};
+use vpm_vdb::medium::{Field, Medium};
 use vpm_vdb::phase::PhaseFunction;
 use vpm_vdb::ray::Ray;
 use vpm_vdb::rng::Rng;
 use vpm_vdb::spectrum::Spectrum;
 use vpm_vdb::tracking::{Flights, Hero, Sampler, lanes_of, sample_free_flight};
 
-use crate::fields::{direction, generated, grid, ray_through, real_density, rng, smoke};
+use crate::fields::{direction, generated, grid, medium_at, ray_through, real_density, rng, smoke};
 
 /// A medium whose voxels are turned, stretched and moved in the world.
-fn medium<S: Spectrum>(grid: Grid, sigma_t: S) -> Medium<S> {
-    let turned = DAffine3::from_scale_rotation_translation(
+fn turned<S: Spectrum>(grid: &Grid, sigma_t: S) -> Medium<S> {
+    let after = DAffine3::from_scale_rotation_translation(
         DVec3::new(0.7, 1.0, 1.3),
         DQuat::from_euler(glam::EulerRot::XYZ, 0.4, -1.1, 2.0),
         DVec3::new(3.0, -20.0, 7.0),
     );
-    let field = GridField::new(grid, &turned, DVec3::ZERO, sigma_t.max_channel());
-    Medium {
-        sigma_t,
-        albedo: S::ONE,
-        phase: PhaseFunction::Isotropic,
-        field: Field::Grid(Box::new(field)),
-        emission: None,
-    }
+    medium_at(grid, &after, sigma_t)
 }
 
 /// A photon, once in a lane and once alone.
@@ -69,7 +62,7 @@ fn start<S>(grid: &Grid, medium: &Medium<S>, random: &mut Rng) -> (Ray, f32) {
 /// Flies many photons, each several times in a row, and compares all of it; collisions, and flights
 /// without.
 fn compare<S: Spectrum>(name: &str, grid: &Grid, sigma_t: S) -> [u32; 2] {
-    let media = [medium(grid.clone(), sigma_t)];
+    let media = [turned(grid, sigma_t)];
     let mut flights = Flights::new(&media[0]).expect("a thin grey medium of a grid");
     let mut random = rng(77);
     let mut lanes: Vec<Option<Photon<S>>> = (0..Flights::LANES).map(|_| None).collect();
@@ -168,9 +161,9 @@ fn flights_in_lanes_are_the_flights_alone() {
 #[test]
 fn colours_and_spikes_are_not_for_lanes() {
     let field = grid(IVec3::splat(-8), IVec3::splat(8), smoke);
-    assert!(Flights::new(&medium(field.clone(), Vec3::new(1.0, 0.5, 1.0))).is_none());
-    assert!(Flights::new(&medium(field.clone(), 1e4)).is_none());
-    assert!(Flights::new(&medium(field, 1.0)).is_some());
+    assert!(Flights::new(&turned(&field, Vec3::new(1.0, 0.5, 1.0))).is_none());
+    assert!(Flights::new(&turned(&field, 1e4)).is_none());
+    assert!(Flights::new(&turned(&field, 1.0)).is_some());
     let fog = Medium {
         sigma_t: 1.0,
         albedo: 1.0,
