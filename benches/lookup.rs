@@ -7,8 +7,8 @@
 //! how many of their lookups miss the caches. `rays`: steps of half a voxel along rays across the
 //! field, through a cursor, as ray marching takes them (the peers' accessors keep their leaf too). `walk`: all
 //! cells on those rays, exactly. `no apron`: voxels one by one where a cell reaches into the next brick, as
-//! in a grid of bricks without aprons. All are done in turn, round by round, on one thread, so that other
-//! work on the machine hits each alike; the best round counts. The peers' side (`peers/lookup.cpp`) is built if a C++ compiler finds
+//! in a grid of bricks without aprons. All are done in turn, a few rounds at a time, on one thread, so that other
+//! work on the machine and what is left in the caches hit each alike; the best round counts. The peers' side (`peers/lookup.cpp`) is built if a C++ compiler finds
 //! OpenVDB (Debian's libopenvdb-dev and libnanovdb-dev); it gets the same points and the same
 //! grid, and its sums must be ours.
 
@@ -27,11 +27,11 @@ use vpm_vdb::rng::{Rng, Stage};
 use peers::{Answer, Peers};
 use volumes::{files, load, timed};
 
-const ROUNDS: usize = 25;
+/// Turns of each way, and rounds of a turn: the first finds caches full of what others looked up.
+const TURNS: usize = 5;
+const ROUNDS: usize = 5;
 const POINTS: usize = 1 << 18;
 const RAYS: usize = 1 << 10;
-/// Rounds for one of the peers', who load the file anew for each.
-const PEER_EVERY: usize = 5;
 const RANDOM: &str = "random, trilinear";
 const ALONG: &str = "rays, trilinear";
 
@@ -88,8 +88,21 @@ impl Work {
     }
 }
 
+/// A field, as it is kept and with two levels of index.
+struct Field {
+    grid: Grid,
+    levels: Grid,
+}
+
+impl Field {
+    fn new(grid: Grid) -> Self {
+        let levels = grid.in_two_levels();
+        Self { grid, levels }
+    }
+}
+
 /// A way of looking up: its name, and what does it; gives a sum and how many values it took.
-type Way = (&'static str, fn(&Grid, &Work) -> (f64, u64));
+type Way = (&'static str, fn(&Field, &Work) -> (f64, u64));
 
 fn lookups(grid: &Grid, points: &[Vec3]) -> (f64, u64) {
     let sum: f64 = points.iter().map(|p| f64::from(grid.lookup(*p))).sum();
@@ -132,19 +145,22 @@ fn one_taps(grid: &Grid, points: &[Vec3], uniforms: &[Vec3]) -> (f64, u64) {
     (sum, points.len() as u64)
 }
 
-const WAYS: [Way; 6] = [
-    (RANDOM, |g, w| lookups(g, &w.points)),
-    ("random, no apron", |g, w| neighbours(g, &w.points)),
-    ("random, one tap", |g, w| {
-        one_taps(g, &w.points, &w.uniforms)
+const WAYS: [Way; 7] = [
+    (RANDOM, |f, w| lookups(&f.grid, &w.points)),
+    ("random, two levels", |f, w| lookups(&f.levels, &w.points)),
+    ("random, no apron", |f, w| neighbours(&f.grid, &w.points)),
+    ("random, one tap", |f, w| {
+        one_taps(&f.grid, &w.points, &w.uniforms)
     }),
-    (ALONG, |g, w| steps(g, &w.steps)),
-    ("rays, one tap", |g, w| one_taps(g, &w.steps, &w.uniforms)),
-    ("walk, per lookup", |g, w| {
+    (ALONG, |f, w| steps(&f.grid, &w.steps)),
+    ("rays, one tap", |f, w| {
+        one_taps(&f.grid, &w.steps, &w.uniforms)
+    }),
+    ("walk, per lookup", |f, w| {
         let mut sum = 0.0;
         let mut count = 0;
         for ray in &w.rays {
-            count += walk(g, &w.majorants, &ray.into(), 0.0, 1.0, |piece| {
+            count += walk(&f.grid, &w.majorants, &ray.into(), 0.0, 1.0, |piece| {
                 sum += piece.integral;
                 true
             });
@@ -196,13 +212,14 @@ fn main() {
 fn bench(file: &Path, peers: Option<&Peers>) {
     let (name, grid) = load(file);
     let wide = grid.widened();
-    let narrow = (grid.value_bits() == 16).then_some(grid);
-    let own = [narrow.as_ref(), Some(&wide)];
     let work = Work::new(&wide);
-    let megabytes = own.map(|g| {
-        g.map_or_else(
+    let narrow = (grid.value_bits() == 16).then(|| Field::new(grid));
+    let wide = Field::new(wide);
+    let own = [narrow.as_ref(), Some(&wide)];
+    let megabytes = own.map(|f| {
+        f.map_or_else(
             || "-".to_owned(),
-            |g| format!("{:.1}", g.memory_bytes() as f64 * 1e-6),
+            |f| format!("{:.1}", f.grid.memory_bytes() as f64 * 1e-6),
         )
     });
     println!(
@@ -212,21 +229,23 @@ fn bench(file: &Path, peers: Option<&Peers>) {
     let mut best = [[Best::NONE; 2]; WAYS.len()];
     let mut others = [[Best::NONE; 2]; 2];
     let sets = [&work.points, &work.steps];
-    for round in 0..ROUNDS {
+    for _ in 0..TURNS {
         for ((_, run), best) in WAYS.iter().zip(&mut best) {
-            for (grid, best) in own.iter().zip(best) {
-                let Some(grid) = grid else { continue };
-                let (seconds, (sum, count)) = timed(|| run(grid, &work));
-                best.take(seconds / count as f64, sum);
+            for (field, best) in own.iter().zip(best) {
+                let Some(field) = field else { continue };
+                for _ in 0..ROUNDS {
+                    let (seconds, (sum, count)) = timed(|| run(field, &work));
+                    best.take(seconds / count as f64, sum);
+                }
             }
         }
-        if let Some(peers) = peers.filter(|_| round % PEER_EVERY == 0) {
+        if let Some(peers) = peers {
             for Answer {
                 points,
                 library,
                 seconds,
                 sum,
-            } in peers.lookups(file, &wide, &sets)
+            } in peers.lookups(file, &wide.grid, &sets, ROUNDS)
             {
                 let each = seconds / sets[points].len() as f64;
                 others[points][library].take(each, sum);

@@ -24,9 +24,6 @@ pub(crate) struct Answer {
     pub(crate) sum: f64,
 }
 
-/// Rounds of each visit.
-const ROUNDS: &str = "5";
-
 impl Peers {
     /// Builds it; none, and a word why, where there is no compiler or no OpenVDB.
     pub(crate) fn build() -> Option<Self> {
@@ -55,10 +52,16 @@ impl Peers {
         }
     }
 
-    /// Has sets of local points looked up in the density of a file.
-    pub(crate) fn lookups(&self, file: &Path, grid: &Grid, sets: &[&Vec<Vec3>]) -> Vec<Answer> {
+    /// Has sets of local points looked up in the density of a file, some rounds each.
+    pub(crate) fn lookups(
+        &self,
+        file: &Path,
+        grid: &Grid,
+        sets: &[&Vec<Vec3>],
+        rounds: usize,
+    ) -> Vec<Answer> {
         let mut command = Command::new(&self.program);
-        command.arg(file).args(["density", ROUNDS]);
+        command.arg(file).args(["density", &rounds.to_string()]);
         for (i, points) in sets.iter().enumerate() {
             let path = self.scratch.path().join(format!("points{i}"));
             let index = points

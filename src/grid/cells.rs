@@ -187,8 +187,8 @@ pub(super) struct Boxed {
     strides: f64x4,
     /// Index of the value at voxel (0, 0, 0), were it stored.
     base: f64,
-    row: u8,
-    slab: u8,
+    row: u32,
+    slab: u32,
 }
 
 impl Boxed {
@@ -208,13 +208,16 @@ impl Boxed {
     #[inline(always)]
     pub(super) fn around(grid: &Grid, cell: f64x4) -> Self {
         let [x, y, z, _] = cell.to_array();
-        let place = grid.place([x as i32, y as i32, z as i32]);
+        let place = grid
+            .places
+            .at(i32x4::new([x as i32, y as i32, z as i32, 0]));
         let edge = f64::from(BRICK);
         let corner = (cell * f64x4::splat(1.0 / edge)).floor() * f64x4::splat(edge);
         let (low, last) = place.cells();
         let low = corner + f64x4::from_i32x4(low);
-        let [row, slab, one] = place.strides();
-        let strides = f64x4::from_i32x4(i32x4::new([slab, row, one, 0]));
+        let strides = place.strides();
+        let [slab, row, ..] = strides.to_array();
+        let strides = f64x4::from_i32x4(strides);
         Self {
             low,
             high: low + f64x4::from_i32x4(last),
@@ -222,9 +225,9 @@ impl Boxed {
             octants: place.octants(),
             strides,
             // Whole numbers of such a size are exact.
-            base: place.base() as f64 - (strides * corner).reduce_add(),
-            row: row as u8,
-            slab: slab as u8,
+            base: place.start() as f64 - (strides * low).reduce_add(),
+            row: row as u32,
+            slab: slab as u32,
         }
     }
 

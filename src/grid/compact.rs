@@ -13,6 +13,7 @@ use rayon::prelude::*;
 use super::build::{BuildError, Builder};
 use super::index::Index;
 use super::place::Place;
+use super::places::Places;
 use super::values::Values;
 use super::{APRON, BRICK, BRICK_VALUES, CONSTANT, Grid, TABLE, TABLE_BRICKS, corner_index};
 use crate::ray::Bounds;
@@ -136,21 +137,22 @@ impl Builder {
         self.values.reserve_exact(2 * each.len());
         self.values.extend(each.flat_map(|value| [*value; 2]));
         self.values.shrink_to_fit();
-        let place = |entry: &u32| {
-            if entry & CONSTANT == 0 {
-                own[*entry as usize].place
-            } else {
-                let number = (entry & !CONSTANT) as usize;
-                Place::constant(constants + 2 * number, number == 0)
-            }
-        };
+        let numbers = 0..self.index.constants.len();
+        let constants: Vec<Place> = numbers
+            .map(|number| Place::constant(constants + 2 * number, number == 0))
+            .collect();
+        let places = Places::new(
+            self.index.dims,
+            self.index.top,
+            self.index.tables,
+            own.iter().map(|brick| brick.place).collect(),
+            constants,
+            &extent.support,
+        );
         Ok(Grid {
             origin: self.index.origin,
-            dims: self.index.dims,
-            top: self.index.top,
-            tables: self.index.tables.par_iter().map(place).collect(),
+            places,
             values: Values::new(self.values),
-            constants,
             bricks: own.len(),
             support: extent.support,
             range: extent.range,

@@ -4,7 +4,7 @@ use glam::Vec3;
 use wide::i32x4;
 
 use super::place::Opened;
-use super::{Grid, cell_and_fraction, three};
+use super::{Grid, cell_and_fraction};
 
 /// Looks a field up at places near one another, as along a ray: the last brick is kept at hand, so
 /// that only a new one is looked for in the index.
@@ -25,9 +25,9 @@ impl Cursor<'_> {
         let at = cell >> 3;
         if at != self.at {
             self.at = at;
-            self.brick = self.grid.place(three(cell)).open(self.grid.constants);
+            self.brick = self.grid.places.at(cell).open(self.grid.places.zero());
         }
-        let spot = self.brick.spot(three(cell));
+        let spot = self.brick.spot(cell);
         self.grid.values.corners(spot).at(f)
     }
 }
@@ -41,7 +41,7 @@ impl Grid {
         Cursor {
             grid: self,
             at: outside >> 3,
-            brick: self.place(three(outside)).open(self.constants),
+            brick: self.places.at(outside).open(self.places.zero()),
         }
     }
 }

@@ -217,7 +217,7 @@ impl FlightGrid {
     /// The most that the bounds of `grid` take, whatever its extinction: no cells merged.
     #[must_use]
     pub fn most_memory_bytes(grid: &Grid) -> usize {
-        let tops = grid.top.len() * size_of::<FlightCell>();
+        let tops = grid.places.top().len() * size_of::<FlightCell>();
         Tables::<FlightCell>::most_bytes(grid) + tops + Blocks::most_bytes(grid)
     }
 }

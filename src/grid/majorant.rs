@@ -41,7 +41,7 @@ const BOXED: u32 = 1 << 30;
 
 impl Cell {
     /// The link of a brick that is empty outside the cells of a place's box.
-    pub(super) fn brick_link(place: Place) -> u32 {
+    pub(super) fn brick_link(place: &Place) -> u32 {
         let (low, cells) = (place.low(), place.size() - IVec3::ONE);
         if cells == IVec3::splat(BRICK) {
             return 0;

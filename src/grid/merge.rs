@@ -44,7 +44,7 @@ pub(crate) struct Bricks<'a> {
 impl<'a> Bricks<'a> {
     /// Looks at every value of a grid.
     pub(crate) fn new(grid: &'a Grid) -> Self {
-        let cell = |&place: &Place| {
+        let cell = |place: &Place| {
             let [minorant, majorant] = grid.range_at(place);
             Cell {
                 majorant,
@@ -52,7 +52,12 @@ impl<'a> Bricks<'a> {
                 link: Cell::brick_link(place),
             }
         };
-        let cells = grid.tables.par_iter().map(cell).collect();
+        let table = |number| -> Vec<Cell> {
+            let places = grid.places.table(number);
+            places.iter().map(cell).collect()
+        };
+        let numbers = (0..grid.places.tables()).into_par_iter();
+        let cells = numbers.flat_map_iter(table).collect();
         Self { grid, cells }
     }
 }
@@ -88,7 +93,7 @@ pub(super) fn merged(
             };
             let this = Tables {
                 dims: grid.dims(),
-                top: vec![whole; grid.top.len()],
+                top: vec![whole; grid.places.top().len()],
                 bricks: Vec::new(),
                 support: grid.support(),
             };
@@ -119,10 +124,11 @@ fn of_tables(
     }
     bricks.shrink_to_fit();
     let top = grid
-        .top
+        .places
+        .top()
         .iter()
         .map(|&entry| {
-            let Some(place) = grid.constant_place(entry) else {
+            let Some(place) = grid.places.constant(entry) else {
                 return wholes[entry as usize];
             };
             let [minorant, majorant] = grid.range_at(place);

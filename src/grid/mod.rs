@@ -33,6 +33,7 @@ pub mod majorant;
 pub mod merge;
 pub(crate) mod octet;
 mod place;
+mod places;
 pub mod plateau;
 pub mod segments;
 pub(crate) mod squeeze;
@@ -49,6 +50,7 @@ use wide::{f32x8, i32x4};
 pub use self::corners::Corners;
 pub use self::cursor::Cursor;
 use self::place::{Place, Spot};
+use self::places::Places;
 pub(crate) use self::tap::{eight_taps, tap};
 use self::values::Values;
 use crate::lanes::four;
@@ -79,16 +81,9 @@ const ORDINARY: std::ops::Range<f32> = 1e-12..1e12;
 pub struct Grid {
     /// Index coordinates of local (0, 0, 0).
     origin: IVec3,
-    /// Top cells along each axis.
-    dims: UVec3,
-    /// Entry of each top cell: a table, or a constant.
-    top: Vec<u32>,
-    /// Places of each table's bricks.
-    tables: Vec<Place>,
+    places: Places,
     /// Values of bricks, then of constants, each of those twice; the first constant is 0.
     values: Values,
-    /// Index of the first constant.
-    constants: usize,
     /// Bricks with values of their own.
     bricks: usize,
     /// Where the field can differ from 0, local coordinates.
@@ -112,7 +107,7 @@ pub enum Brick<'a> {
 #[derive(Debug, Clone, Copy)]
 pub struct BrickValues<'a> {
     grid: &'a Grid,
-    place: Place,
+    place: &'a Place,
 }
 
 impl BrickValues<'_> {
@@ -120,8 +115,12 @@ impl BrickValues<'_> {
     #[inline]
     #[must_use]
     pub fn corners(&self, cell: IVec3) -> Corners {
-        let brick = self.place.open(self.grid.constants);
-        self.grid.values.corners(brick.spot(cell.to_array()))
+        let [x, y, z] = cell.to_array();
+        let spot = self
+            .place
+            .open(self.grid.places.zero())
+            .spot(i32x4::new([x, y, z, 0]));
+        self.grid.values.corners(spot)
     }
 
     /// The value at a corner, 0..=8 along each axis.
@@ -173,7 +172,7 @@ impl Grid {
     #[must_use]
     pub fn lookup(&self, p: Vec3) -> f32 {
         let (cell, f) = cell_and_fraction(p);
-        self.values.corners(self.spot(three(cell))).at(f)
+        self.values.corners(self.spot(cell)).at(f)
     }
 
     /// The value at one corner of p's cell: see `tap`.
@@ -186,13 +185,13 @@ impl Grid {
     /// The value at a local voxel.
     #[inline(always)]
     pub(crate) fn value(&self, voxel: i32x4) -> f32 {
-        self.values.at(self.spot(three(voxel)).start)
+        self.values.at(self.spot(voxel).start)
     }
 
     /// Where the value at a local voxel is, which will be read.
     #[inline(always)]
-    pub(crate) fn find(&self, voxel: [i32; 3]) -> usize {
-        let at = self.spot(voxel).start;
+    pub(crate) fn find(&self, [x, y, z]: [i32; 3]) -> usize {
+        let at = self.spot(i32x4::new([x, y, z, 0])).start;
         self.values.prefetch(at);
         at
     }
@@ -204,16 +203,18 @@ impl Grid {
     }
 
     /// The value at a local voxel.
+    #[inline]
     #[must_use]
     pub fn voxel(&self, voxel: IVec3) -> f32 {
-        self.values.at(self.spot(voxel.to_array()).start)
+        let [x, y, z] = voxel.to_array();
+        self.values.at(self.spot(i32x4::new([x, y, z, 0])).start)
     }
 
     /// The brick at brick coordinates (local voxels / 8); 0 outside the grid.
     #[inline]
     #[must_use]
     pub fn brick(&self, brick: IVec3) -> Brick<'_> {
-        let place = self.place((brick * BRICK).to_array());
+        let place = self.places.of_brick(brick);
         if place.is_constant() {
             Brick::Constant(self.values.at(place.start()))
         } else {
@@ -224,11 +225,11 @@ impl Grid {
     /// Smallest and largest value of the interpolated field in a brick's cells, faces included.
     #[must_use]
     pub fn brick_range(&self, brick: IVec3) -> [f32; 2] {
-        self.range_at(self.place((brick * BRICK).to_array()))
+        self.range_at(self.places.of_brick(brick))
     }
 
     /// Smallest and largest of the 9^3 values at a place.
-    fn range_at(&self, place: Place) -> [f32; 2] {
+    fn range_at(&self, place: &Place) -> [f32; 2] {
         let size = place.size();
         let count = if place.is_constant() {
             1
@@ -247,7 +248,7 @@ impl Grid {
     }
 
     /// All 9^3 values of the brick at a place.
-    fn brick_values(&self, place: Place) -> [f32; BRICK_VALUES] {
+    fn brick_values(&self, place: &Place) -> [f32; BRICK_VALUES] {
         if place.is_constant() {
             return [self.values.at(place.start()); BRICK_VALUES];
         }
@@ -266,38 +267,10 @@ impl Grid {
         values
     }
 
-    /// Place of the value of a top entry that is a constant.
-    #[inline]
-    fn constant_place(&self, entry: u32) -> Option<Place> {
-        let number = (entry & !CONSTANT) as usize;
-        let place = || Place::constant(self.constants + 2 * number, number == 0);
-        (entry & CONSTANT != 0).then(place)
-    }
-
-    /// Place of the brick around a voxel.
-    #[inline(always)]
-    fn place(&self, [x, y, z]: [i32; 3]) -> Place {
-        // A negative coordinate is a large one, and outside.
-        let top = UVec3::new(
-            (x >> TOP_LOG2) as u32,
-            (y >> TOP_LOG2) as u32,
-            (z >> TOP_LOG2) as u32,
-        );
-        if top.x >= self.dims.x || top.y >= self.dims.y || top.z >= self.dims.z {
-            return Place::constant(self.constants, true);
-        }
-        let entry = self.top[top_index(self.dims, top)];
-        if let Some(place) = self.constant_place(entry) {
-            return place;
-        }
-        let slot = (x << 5 & 0xf00) | (y << 1 & 0xf0) | (z >> 3 & 0xf);
-        self.tables[entry as usize * TABLE_BRICKS + slot as usize]
-    }
-
     /// Where the corners of the cell with lowest voxel `cell` are.
-    #[inline]
-    fn spot(&self, cell: [i32; 3]) -> Spot {
-        self.place(cell).open(self.constants).spot(cell)
+    #[inline(always)]
+    fn spot(&self, cell: i32x4) -> Spot {
+        self.places.at(cell).open(self.places.zero()).spot(cell)
     }
 
     /// Where the field can differ from 0. \[local voxels\]
@@ -327,7 +300,7 @@ impl Grid {
     /// Top cells along each axis.
     #[must_use]
     pub fn dims(&self) -> UVec3 {
-        self.dims
+        self.places.dims()
     }
 
     /// Bricks with storage.
@@ -347,6 +320,15 @@ impl Grid {
     pub fn widened(&self) -> Self {
         Self {
             values: self.values.widened(),
+            ..self.clone()
+        }
+    }
+
+    /// The same field with two levels of index, whatever its box: to measure against.
+    #[must_use]
+    pub fn in_two_levels(&self) -> Self {
+        Self {
+            places: self.places.in_two_levels(),
             ..self.clone()
         }
     }
@@ -373,9 +355,7 @@ impl Grid {
     /// Bytes that the field takes in memory, as allocated.
     #[must_use]
     pub fn memory_bytes(&self) -> usize {
-        self.top.capacity() * size_of::<u32>()
-            + self.tables.capacity() * size_of::<Place>()
-            + self.values.memory_bytes()
+        self.places.memory_bytes() + self.values.memory_bytes()
     }
 
     /// Corners of the support in world space. \[m\]

@@ -150,7 +150,7 @@ impl Grid {
         let (from, to) = ((low - 1) >> 3i32, (high + 1) >> 3i32);
         let mut left = MOST_BRICKS;
         let all = each(from >> 4i32, to >> 4i32, |cell| {
-            let entry = self.top[top_index(self.dims, cell.as_uvec3())];
+            let entry = self.places.top()[top_index(self.dims(), cell.as_uvec3())];
             let size = BRICK * TABLE;
             if entry & CONSTANT != 0 && whole(cell * size, size, self.voxel(cell * size)) {
                 return true;

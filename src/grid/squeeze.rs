@@ -81,8 +81,8 @@ impl Blocks {
         let of_tables: Vec<(Vec<Place>, Vec<Block>)> = tables
             .par_iter()
             .map(|&number| {
-                let bricks = different(table(grid, number));
-                let blocks = |&place: &Place| this.of_brick(grid, place);
+                let bricks = different(&grid.places.table(number));
+                let blocks = |place: &Place| this.of_brick(grid, place);
                 let all = bricks.par_iter().flat_map_iter(blocks).collect();
                 (bricks, all)
             })
@@ -91,7 +91,12 @@ impl Blocks {
         for (&number, (bricks, blocks)) in tables.iter().zip(of_tables) {
             let first = this.all.len() / BLOCKS;
             let name = |place: &Place| bricks.binary_search(place).map_or(0, |at| first + at);
-            names.extend(table(grid, number).iter().map(|place| name(place) as u32));
+            names.extend(
+                grid.places
+                    .table(number)
+                    .iter()
+                    .map(|place| name(place) as u32),
+            );
             this.all.extend(blocks);
         }
         this.all.shrink_to_fit();
@@ -131,7 +136,7 @@ impl Blocks {
     }
 
     /// The blocks of the brick at a place.
-    fn of_brick(&self, grid: &Grid, place: Place) -> [Block; BLOCKS] {
+    fn of_brick(&self, grid: &Grid, place: &Place) -> [Block; BLOCKS] {
         let mut ranges = [[f32::MAX, 0.0f32]; BLOCKS];
         let values = grid.brick_values(place);
         for (x, y, z) in (0..512).map(|i| (i >> 6, i >> 3 & 7, i & 7)) {
@@ -152,15 +157,11 @@ impl Blocks {
 
     /// The most bytes that those of a grid take.
     pub(super) fn most_bytes(grid: &Grid) -> usize {
-        let tables = grid.tables.chunks(TABLE_BRICKS);
-        let bricks: usize = tables.map(|table| different(table).len()).sum();
+        let tables = (0..grid.places.tables()).into_par_iter();
+        let bricks: usize =
+            (tables.map(|number| different(&grid.places.table(number)).len())).sum();
         (2 + bricks) * BLOCKS * size_of::<Block>()
     }
-}
-
-/// The places of a table's bricks.
-fn table(grid: &Grid, number: usize) -> &[Place] {
-    &grid.tables[number * TABLE_BRICKS..][..TABLE_BRICKS]
 }
 
 /// The bricks of a table that are not 0 all over, each once.

@@ -140,6 +140,6 @@ impl<E: Entry> Tables<E> {
 
     /// The most bytes that entries of a grid take: no cells merged.
     pub(super) fn most_bytes(grid: &Grid) -> usize {
-        (grid.top.len() + grid.tables.len()) * size_of::<E>()
+        (grid.places.top().len() + grid.places.tables() * TABLE_BRICKS) * size_of::<E>()
     }
 }

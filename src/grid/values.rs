@@ -105,7 +105,7 @@ fn widen8(codes: u16x8) -> f32x8 {
 /// The corners of the cell at a spot.
 #[inline(always)]
 fn corners<S: Stored>(values: &[S], spot: Spot) -> Corners {
-    let [row, slab] = [spot.row, spot.slab].map(usize::from);
+    let [row, slab] = [spot.row, spot.slab].map(|stride| stride as usize);
     // One bounds check: no corner is farther than the last.
     S::corners(&values[spot.start..][..slab + row + 2], row, slab)
 }

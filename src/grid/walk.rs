@@ -135,7 +135,7 @@ fn cross(
 ) {
     let line = *crossed.line();
     // More than any ray crosses.
-    let most = 3.0 * f64::from(grid.dims.max_element()) * f64::from(1 << TOP_LOG2);
+    let most = 3.0 * f64::from(grid.dims().max_element()) * f64::from(1 << TOP_LOG2);
     let mut brick = Boxed::NONE;
     for segment in majorants.segments(&ray.rounded(), t0, t1) {
         if segment.majorant == 0.0 && segment.minorant == 0.0 || segment.t_max <= segment.t_min {
