@@ -145,7 +145,7 @@ fn one_taps(grid: &Grid, points: &[Vec3], uniforms: &[Vec3]) -> (f64, u64) {
     (sum, points.len() as u64)
 }
 
-const WAYS: [Way; 7] = [
+const WAYS: [Way; 8] = [
     (RANDOM, |f, w| lookups(&f.grid, &w.points)),
     ("random, two levels", |f, w| lookups(&f.levels, &w.points)),
     ("random, no apron", |f, w| neighbours(&f.grid, &w.points)),
@@ -153,6 +153,7 @@ const WAYS: [Way; 7] = [
         one_taps(&f.grid, &w.points, &w.uniforms)
     }),
     (ALONG, |f, w| steps(&f.grid, &w.steps)),
+    ("rays, no cursor", |f, w| lookups(&f.grid, &w.steps)),
     ("rays, one tap", |f, w| {
         one_taps(&f.grid, &w.steps, &w.uniforms)
     }),
