@@ -16,6 +16,7 @@
 //! that is wrong by the square of the sliver: below 1e-13 voxels times the field's slope, which
 //! only the integral of a ray that touches the field and no more would show.
 
+use bytemuck::cast;
 use wide::{f64x4, i32x4};
 
 use super::place::Spot;
@@ -207,12 +208,11 @@ impl Boxed {
     /// The brick of a cell.
     #[inline(always)]
     pub(super) fn around(grid: &Grid, cell: f64x4) -> Self {
-        let [x, y, z, _] = cell.to_array();
-        let place = grid
-            .places
-            .at(i32x4::new([x as i32, y as i32, z as i32, 0]));
+        let voxel = whole(cell);
+        let place = grid.places.at(voxel);
+        let brick: i32x4 = voxel >> BRICK.ilog2() as i32;
         let edge = f64::from(BRICK);
-        let corner = (cell * f64x4::splat(1.0 / edge)).floor() * f64x4::splat(edge);
+        let corner = f64x4::from_i32x4(brick) * f64x4::splat(edge);
         let (low, last) = place.cells();
         let low = corner + f64x4::from_i32x4(low);
         let strides = place.strides();
@@ -262,6 +262,14 @@ impl Boxed {
             slab: self.slab,
         }
     }
+}
+
+/// Whole numbers in 32 bits: the lower halves of what they are far up where f64 is whole numbers.
+#[inline(always)]
+fn whole(v: f64x4) -> i32x4 {
+    let bits: [u64; 4] = cast(v + f64x4::splat(1.5 * INTEGERS));
+    let [x, y, z, w] = bits.map(|bits| bits as i32);
+    i32x4::new([x, y, z, w])
 }
 
 /// From here on f64 is whole numbers, one by one.
