@@ -5,12 +5,15 @@
 //! ```
 //! `random`: points anywhere in bricks with storage; nothing but the size of the field decides
 //! how many of their lookups miss the caches. `rays`: steps of half a voxel along rays across the
-//! field, through a cursor, as ray marching takes them (the peers' accessors keep their leaf too). `walk`: all
-//! cells on those rays, exactly. `no apron`: voxels one by one where a cell reaches into the next brick, as
-//! in a grid of bricks without aprons. All are done in turn, a few rounds at a time, on one thread, so that other
-//! work on the machine and what is left in the caches hit each alike; the best round counts. The peers' side (`peers/lookup.cpp`) is built if a C++ compiler finds
-//! OpenVDB (Debian's libopenvdb-dev and libnanovdb-dev); it gets the same points and the same
-//! grid, and its sums must be ours.
+//! field, through a cursor, as ray marching takes them (the peers' accessors keep their leaf too), or with
+//! `no cursor`. `walk`: all cells on those rays, exactly. `two levels`: through an index of two levels where
+//! ours is flat. `no apron`: voxels one by one where a cell reaches into the next brick, as in a grid of
+//! bricks without aprons.
+//!
+//! All are done in turn, a few rounds at a time, on one thread, so that other work on the machine and what is
+//! left in the caches hit each alike; the best round counts. The peers' side (`peers/lookup.cpp`) is built
+//! if a C++ compiler finds OpenVDB (Debian's libopenvdb-dev and libnanovdb-dev); it gets the same points and
+//! the same grid, as many rounds at a time, and its sums must be ours.
 
 mod peers;
 mod volumes;

@@ -6,11 +6,10 @@
 //!
 //! Layout. Bricks of 8^3 cells hold the 9^3 values that their cells touch (an apron on the high
 //! side), so that any lookup reads one brick and no neighbour is ever looked up; of these values
-//! they store the box that differs from 0 (place.rs). Two index levels lead to a brick: a dense array over cells of
-//! 128^3 voxels, each empty, constant, or a table of 16^3 bricks; a brick whose 9^3 values are
-//! equal is a constant in its table and takes no storage. Equal bricks are stored once, and so are
-//! tables between constants: entries may name the same one. A sparse 2000^3 cloud has 4096
-//! entries at the top.
+//! they store the box that differs from 0 (place.rs). The index of bricks is flat, or of two levels where
+//! the field is large and sparse (places.rs): a dense array over cells of 128^3 voxels, each empty,
+//! constant, or a table of 16^3 bricks. A brick whose 9^3 values are equal is a constant and takes no
+//! storage. Equal bricks are stored once, and so are tables between constants: entries may name the same one.
 //!
 //! Coordinates. `index` is OpenVDB's index space. `local` is index space moved so that the
 //! field's box starts a little above 0: non-negative, small, exact in f32. Outside the box of its

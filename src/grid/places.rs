@@ -101,7 +101,8 @@ impl Flat {
         // Below the first it is a large number, and outside.
         let from: u32x4 = cast(brick - self.first);
         let inside = from.min(self.last).simd_eq(from).all();
-        // In pairs with 0, which are their own upper halves: one instruction, where products of 32 bits are slow.
+        // Coordinates and strides fit the lower halves of their lanes: one instruction, where products of 32
+        // bits are slow. Outside it is anything.
         let [from, strides]: [i16x8; 2] = [cast(from), cast(self.strides)];
         let [x, y, z, _] = from.dot(strides).to_array();
         inside.then_some((x + y + z) as u32 as usize)
