@@ -56,10 +56,13 @@ pub(crate) struct Segments<'a, E> {
     margin: f32,
     pub(super) t: f32,
     pub(super) t_end: f32,
-    /// Brick that the walk is in.
+    /// Brick that the walk comes to next.
     pub(super) brick: i32x4,
-    /// Its cell, if known.
-    cell: Option<E>,
+    /// Where the ray leaves the cell that the walk is in.
+    exit: f32,
+    /// Where it leaves the box of its values, and their bounds.
+    leave: f32,
+    bounds: [f32; 2],
     /// The top cell that the last segment is in, and its entry.
     pub(super) top: i32x4,
     pub(super) entry: E,
@@ -84,7 +87,9 @@ impl<'a, E: Entry> Segments<'a, E> {
             t: t0,
             t_end: t0,
             brick: i32x4::ZERO,
-            cell: None,
+            exit: t0,
+            leave: t0,
+            bounds: [0.0; 2],
             top: i32x4::splat(-1),
             entry: E::NOTHING,
         };
@@ -92,7 +97,7 @@ impl<'a, E: Entry> Segments<'a, E> {
         let (enter, leave) = this.crossing(four(support.min), four(support.max));
         let (enter, leave) = (greater(enter, t0), lesser(leave, t1));
         if enter < leave {
-            (this.t, this.t_end) = (enter, leave);
+            (this.t, this.t_end, this.exit) = (enter, leave, enter);
             let highest = tables.dims.as_ivec3() * TABLE - IVec3::ONE;
             let highest = i32x4::new([highest.x, highest.y, highest.z, 0]);
             let brick = brick_of(this.at(enter));
@@ -107,7 +112,7 @@ impl<'a, E: Entry> Segments<'a, E> {
         self.direction.mul_add(f32x4::splat(t), self.origin)
     }
 
-    /// The cell of the brick that the walk is in; mostly one of the table that the last one was in.
+    /// The cell of the brick that the walk comes to; mostly one of the table that the last one was in.
     #[inline]
     fn fetch(&mut self) -> Option<E> {
         let top: i32x4 = self.brick >> 4;
@@ -165,20 +170,13 @@ impl<E: Entry> Segments<'_, E> {
     /// The next segment, of a walk that is not done.
     #[inline(always)]
     pub(crate) fn advance(&mut self) -> MajorantSegment {
-        let fetched = match self.cell.take() {
-            Some(cell) => Some(cell),
-            None => self.fetch(),
-        };
-        let Some(cell) = fetched else {
+        if self.t < self.exit {
+            return self.go_on();
+        }
+        let Some(cell) = self.fetch() else {
             // Beyond the grid, where rounding has put the last point of the support.
-            let (t_min, t_max) = (self.t, self.t_end);
-            self.t = t_max;
-            return MajorantSegment {
-                t_min,
-                t_max,
-                majorant: 0.0,
-                minorant: 0.0,
-            };
+            self.exit = self.t_end;
+            return self.segment(self.t_end, [0.0; 2]);
         };
         let mask = cell.mask();
         let low = self.brick & mask;
@@ -189,41 +187,50 @@ impl<E: Entry> Segments<'_, E> {
         let meets = self.moves.bitselect(meets, infinity);
         let [x, y, z, _] = meets.to_array();
         let exit = lesser(lesser(x, y), z);
-        let end = lesser(greater(exit, self.t), self.t_end);
-        let [minorant, majorant] = cell.bounds();
-        let mut segment = MajorantSegment {
-            t_min: self.t,
-            t_max: end,
-            majorant,
-            minorant,
+        self.exit = lesser(greater(exit, self.t), self.t_end);
+        // Inside the cell on the other axes, beyond it on this one. Of a single brick that is known
+        // before the exit is, and guessed rightly more often than not.
+        let inside = if cell.level() == 0 {
+            low
+        } else {
+            brick_of(self.at(self.exit)).max(low).min(low | !mask)
         };
-        if let Some(filled) = cell.filled() {
-            let (enter, leave) = self.crossing_filled(low << 3, filled);
-            if enter < leave && self.t < enter && enter < segment.t_max {
-                segment.t_max = enter;
-            }
-            if self.t >= enter && self.t < leave {
-                segment.t_max = segment.t_max.min(leave);
-            } else {
-                (segment.minorant, segment.majorant) = (0.0, 0.0);
-            }
-            if segment.t_max < exit {
-                // On in the same brick.
-                self.t = segment.t_max;
-                self.cell = Some(cell);
-                return segment;
-            }
-        }
-        self.t = end;
-        if exit == f32::INFINITY {
-            self.t = self.t_end;
-            return segment;
-        }
-        // Inside the cell on the other axes, beyond it on this one.
-        let inside = brick_of(self.at(self.t)).max(low).min(low | !mask);
         let beyond = face + !self.up;
         let left: i32x4 = bytemuck::cast(meets.simd_le(f32x4::splat(exit)));
         self.brick = left.bitselect(beyond, inside);
-        segment
+        let Some(filled) = cell.filled() else {
+            return self.segment(self.exit, cell.bounds());
+        };
+        let (enter, leave) = self.crossing_filled(low << 3, filled);
+        if enter >= leave || self.t >= leave || enter >= self.exit {
+            return self.segment(self.exit, [0.0; 2]);
+        }
+        (self.leave, self.bounds) = (leave, cell.bounds());
+        if self.t < enter {
+            self.segment(enter, [0.0; 2])
+        } else {
+            self.go_on()
+        }
+    }
+
+    /// The next segment in the same cell: that in the box of its values, or behind it.
+    #[inline(always)]
+    fn go_on(&mut self) -> MajorantSegment {
+        if self.t < self.leave {
+            self.segment(lesser(self.leave, self.exit), self.bounds)
+        } else {
+            self.segment(self.exit, [0.0; 2])
+        }
+    }
+
+    /// The segment up to t, from where the last one ended.
+    #[inline(always)]
+    fn segment(&mut self, t: f32, [minorant, majorant]: [f32; 2]) -> MajorantSegment {
+        MajorantSegment {
+            t_min: std::mem::replace(&mut self.t, t),
+            t_max: t,
+            majorant,
+            minorant,
+        }
     }
 }
