@@ -3,7 +3,7 @@
 //! What the media send along the first stretch, and what lies behind them, are estimates of their
 //! own, each from the rays that it is worth: `bright`, `edges`.
 
-use super::Job;
+use super::job::Job;
 use super::{bright, edges};
 use crate::estimate::chain::{Chain, Link, Scratch};
 use crate::estimate::emission;

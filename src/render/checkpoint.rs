@@ -20,7 +20,7 @@ use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use super::{Tally, pass_count};
+use super::passes::{Tally, pass_count};
 use crate::atomic::{self, OutputError};
 use crate::film::Film;
 use crate::photon::Energy;

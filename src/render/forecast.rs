@@ -20,9 +20,11 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
+use super::job::Job;
+use super::passes::Tally;
 use super::photons::{Band, Gather, blur_dimension, trace};
 use super::pilot::Radii;
-use super::{Job, Tally, path, pilot};
+use super::{path, pilot};
 use crate::estimate::bands::TILE;
 use crate::estimate::tiles::TileRays;
 use crate::film::{Film, Sample};

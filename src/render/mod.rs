@@ -12,6 +12,8 @@ pub mod checkpoint;
 mod edges;
 pub mod error;
 mod forecast;
+mod job;
+mod passes;
 mod path;
 mod photons;
 mod pilot;
@@ -19,30 +21,25 @@ mod pilot;
 pub(crate) use path::PATHS_PER_PASS;
 
 use std::ops::ControlFlow;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use glam::Vec3;
 use thiserror::Error;
 
 use crate::effects::EffectPlan;
-use crate::estimate::bands::TileGrid;
-use crate::estimate::direct::DirectLights;
 use crate::film::{Film, Sample};
 use crate::grid::load::load_volumes;
-use crate::photon::{Energy, Heading, Packed};
+use crate::photon::{Energy, Packed};
 use crate::progress::Progress;
-use crate::report::{ImageFigures, Memory, PhotonCounts, Report, Times, peak_rss_bytes};
-use crate::resolution;
-use crate::scene::{Method, Scene, Settings};
-use crate::spectrum::Spectrum;
-use crate::surface::Surfaces;
+use crate::report::{Report, Times};
+use crate::scene::Scene;
 use crate::tracking::Counters;
-use crate::world::{LoadedVolume, World};
+use crate::world::LoadedVolume;
 
-use bright::BrightPixels;
-use checkpoint::{Checkpoint, SAVE_EVERY};
-use edges::EdgePixels;
+use checkpoint::Checkpoint;
+use job::in_world;
+use passes::run;
 
 pub use forecast::Forecast;
 
@@ -201,12 +198,6 @@ impl<F: FnMut(&PassDone<'_>) -> ControlFlow<()> + Send> Watch for F {
     }
 }
 
-/// What a pass gathers.
-struct Gathered {
-    samples: Vec<Sample>,
-    second: Option<Vec<Sample>>,
-}
-
 /// [`render_loaded`] that tells `watch` of each pass.
 ///
 /// # Errors
@@ -360,192 +351,4 @@ pub fn plan_loaded(
         }),
     }?;
     Ok((plan, forecast))
-}
-
-/// What the passes share.
-struct Job<'a, S> {
-    scene: &'a Scene,
-    world: &'a World<S>,
-    plan: &'a EffectPlan,
-    exec: &'a Exec<'a>,
-    /// Pixels that are rendered.
-    grid: TileGrid,
-    lights: &'a DirectLights,
-    bright: &'a BrightPixels,
-    edges: &'a EdgePixels,
-}
-
-/// Builds the world of a scene, and does something in it.
-fn in_world<S: Spectrum, T>(
-    scene: &Scene,
-    volumes: Vec<LoadedVolume>,
-    plan: &EffectPlan,
-    exec: &Exec<'_>,
-    then: impl FnOnce(&Job<'_, S>) -> T,
-) -> Result<T, RenderError> {
-    let world = World::with(scene, volumes, plan.general)?;
-    for warning in world.surfaces.iter().flat_map(Surfaces::warnings) {
-        (exec.warn)(&warning.to_string());
-    }
-    for warning in resolution::warnings(&world) {
-        (exec.warn)(&warning);
-    }
-    let [width, height] = scene.camera.resolution;
-    let settings = &scene.settings;
-    // Of the whole picture: a crop shows the same pixels.
-    let rays = u64::from(width) * u64::from(height) * u64::from(settings.spp);
-    let lights = DirectLights::new(&world, plan.photons.then_some(settings.photons), rays);
-    let [x0, y0, x1, y1] = scene.settings.crop.unwrap_or([0, 0, width, height]);
-    let bright = BrightPixels::new(&world, plan, settings.method, [width, height]);
-    let grid = TileGrid {
-        low: [x0, y0],
-        high: [x1, y1],
-    };
-    let edges = EdgePixels::new(&world, settings.method, &grid);
-    Ok(then(&Job {
-        scene,
-        world: &world,
-        plan,
-        exec,
-        grid,
-        lights: &lights,
-        bright: &bright,
-        edges: &edges,
-    }))
-}
-
-/// What has been done so far.
-#[derive(Default)]
-struct Tally {
-    times: Times,
-    memory: Memory,
-    photons: PhotonCounts,
-    counters: Counters,
-    energy: Energy,
-}
-
-/// Passes of a render in all.
-fn pass_count(settings: &Settings) -> u32 {
-    match settings.method {
-        Method::Path => settings.spp.div_ceil(PATHS_PER_PASS),
-        Method::Beam | Method::Point => settings.passes,
-    }
-}
-
-/// Renders in one specialised form, in a world begun at `build`; the whole began at `start`.
-fn run<S: Spectrum, H: Heading>(
-    job: &Job<'_, S>,
-    build: Instant,
-    start: Instant,
-    beside: Beside<'_>,
-) -> Rendered {
-    let Beside { mut keep, watch } = beside;
-    let (scene, exec) = (job.scene, job.exec);
-    let settings = &scene.settings;
-    let [width, height] = scene.camera.resolution;
-    let saved = keep.as_mut().and_then(|keep| keep.take());
-    // The pilot of a render that goes on was counted before it was stopped.
-    let mut pilot_tally = Tally::default();
-    pilot_tally.times.build = build.elapsed().as_secs_f64();
-    pilot_tally.memory.load = job.world.grid_bytes() as u64;
-    pilot_tally.memory.build = job.world.structure_bytes() as u64;
-    let radii = job
-        .plan
-        .photons
-        .then(|| pilot::radii::<S, H>(job, &mut pilot_tally));
-    let (mut film, mut tally) = match saved {
-        Some((film, tally)) => (
-            film,
-            Tally {
-                times: pilot_tally.times,
-                memory: pilot_tally.memory,
-                ..tally
-            },
-        ),
-        None => (Film::new(width, height, settings.crop), pilot_tally),
-    };
-    tally.memory.gather = film.memory_bytes() as u64;
-    let passes = pass_count(settings);
-    let (first_pass, first) = (Instant::now(), film.passes());
-    let mut save = |film: &Film, tally: &Tally| {
-        if let Some(keep) = &mut keep
-            && let Err(e) = keep.save(film, tally)
-        {
-            (exec.warn)(&format!("no checkpoint: {e}"));
-        }
-    };
-    let mut last_save = first_pass;
-    let mut pass = first;
-    let stopped_early = loop {
-        if pass >= passes {
-            break false;
-        }
-        if pass > first {
-            if exec.stop.load(Ordering::Relaxed) {
-                save(&film, &tally);
-                break true;
-            }
-            let each = first_pass.elapsed() / (pass - first);
-            let late = |limit| start.elapsed() + each > limit;
-            if exec.time_limit.is_some_and(late) {
-                break false;
-            }
-            if last_save.elapsed() > SAVE_EVERY {
-                save(&film, &tally);
-                last_save = Instant::now();
-            }
-        }
-        let gathered = match (&radii, settings.method) {
-            (_, Method::Path) => Gathered {
-                samples: path::pass(job, pass, &mut tally),
-                second: None,
-            },
-            (radii, _) => {
-                let second = watch.second_radius(pass);
-                photons::pass::<S, H>(job, radii.as_ref(), pass, second, &mut tally)
-            }
-        };
-        film.add_pass(&gathered.samples);
-        pass += 1;
-        let done = PassDone {
-            pass: pass - 1,
-            dimension: photons::blur_dimension(settings.method),
-            film: &film,
-            samples: &gathered.samples,
-            second: gathered.second.as_deref(),
-            seconds: start.elapsed().as_secs_f64(),
-            times: tally.times,
-        };
-        if watch.pass_done(&done).is_break() {
-            break false;
-        }
-    };
-
-    let counters = tally.counters;
-    let report = Report {
-        scene: scene.name.clone(),
-        method: settings.method.name().to_owned(),
-        resolution: scene.camera.resolution,
-        seed: settings.seed,
-        passes: film.passes(),
-        time_s: tally.times,
-        peak_rss_bytes: peak_rss_bytes(),
-        memory_bytes: tally.memory,
-        photons: tally.photons,
-        counters: crate::report::Counters {
-            free_flights: counters.free_flights,
-            transmittance_rays: counters.transmittance_rays,
-            density_lookups: counters.density_lookups + counters.effects.temperatures,
-            gathered_photons: counters.gathered_photons,
-        },
-        image: ImageFigures::from(&film),
-        ..Report::default()
-    };
-    Rendered {
-        film,
-        report,
-        energy: tally.energy,
-        counters,
-        stopped_early,
-    }
 }

@@ -5,7 +5,8 @@ use std::time::Instant;
 use rayon::prelude::*;
 
 use super::camera::Sum;
-use super::{Job, Tally};
+use super::job::Job;
+use super::passes::Tally;
 use crate::film::Sample;
 use crate::reference::trace_path;
 use crate::rng::{Rng, Stage};

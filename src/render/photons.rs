@@ -6,8 +6,9 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::camera::{Lens, Sum, behind, camera_ray};
+use super::job::Job;
+use super::passes::{Gathered, Tally};
 use super::pilot::Radii;
-use super::{Gathered, Job, Tally};
 use crate::estimate::bands::{BandTiles, Bands, TILE, TILE_RAYS};
 use crate::estimate::beam::Stretch;
 use crate::estimate::chain::{Chain, Scratch};

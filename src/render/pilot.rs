@@ -2,7 +2,8 @@
 
 use std::time::Instant;
 
-use super::{Job, Tally};
+use super::job::Job;
+use super::passes::Tally;
 use crate::photon::deposit::DepositRate;
 use crate::photon::radius::{PILOT_NEIGHBOURS, RadiusField};
 use crate::photon::surface::SurfaceRadius;
