@@ -7,6 +7,7 @@
 pub mod bare;
 pub mod check;
 pub mod file;
+mod item;
 mod keys;
 
 use std::path::PathBuf;

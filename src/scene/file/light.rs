@@ -12,7 +12,8 @@
 
 use super::{ball, quad};
 use crate::scene::Light;
-use crate::scene::keys::{FROM_0, Item, Keys, Limits};
+use crate::scene::item::{FROM_0, Item, Limits};
+use crate::scene::keys::Keys;
 
 /// Reads one light.
 pub(super) fn light(v: &Item<'_>) -> Option<Light> {

@@ -20,7 +20,8 @@ mod object;
 
 use glam::{DAffine3, DMat3, DVec3};
 
-use super::keys::{ABOVE_0, FROM_0, Item, Keys, Limits, SHARE};
+use super::item::{ABOVE_0, FROM_0, Item, Limits, SHARE};
+use super::keys::Keys;
 use super::{
     Camera, Convert, Direct, Emission, Fog, Kernel, Lens, March, Method, Optics, Phase, Scene,
     Search, Settings, Volume,

@@ -9,7 +9,8 @@
 //! | `transform` | none | see `transform` |
 
 use super::{ball, corners, optics, quad, transform};
-use crate::scene::keys::{ABOVE_0, FROM_0, Item, Keys, SHARE};
+use crate::scene::item::{ABOVE_0, FROM_0, Item, SHARE};
+use crate::scene::keys::Keys;
 use crate::scene::{Material, Object, Rgb, Shape};
 
 /// Reads one object.
