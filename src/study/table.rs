@@ -164,7 +164,7 @@ fn radius(setting: &Setting, base: &Setting, passes: u32) -> Option<f64> {
 }
 
 /// Does the knob leave the picture that is aimed at the same?
-fn same_picture(knob: Knob) -> bool {
+pub(super) fn same_picture(knob: Knob) -> bool {
     matches!(
         knob,
         Knob::Base | Knob::Photons | Knob::Neighbours | Knob::Rays | Knob::Rate

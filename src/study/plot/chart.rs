@@ -149,8 +149,10 @@ fn emptiest_corner(lines: &[Line], xs: &Range<f64>, ys: &Range<f64>) -> SeriesLa
                     (share(*x, xs), share(y.unwrap_or(ys.start), ys))
                 })
                 .collect();
+            let drawn = matches!(line.style, Style::Line | Style::Guide);
             let between: Vec<(f64, f64)> = marks
                 .windows(2)
+                .filter(|_| drawn)
                 .flat_map(|pair| {
                     let [(x0, y0), (x1, y1)] = [pair[0], pair[1]];
                     (0..=PARTS).map(move |i| {

@@ -9,7 +9,7 @@ use plotters::prelude::RGBColor;
 use super::StudyError;
 use super::figures::Interval;
 use super::plan::Knob;
-use super::table::{Row, Study};
+use super::table::{Row, Study, same_picture};
 use chart::{BLACK, BLUE, GREEN, GREY, Line, ORANGE, Style, enough, exact, log_log};
 
 /// A plot and its file name.
@@ -55,7 +55,7 @@ fn error_time(study: &Study) -> Result<Plot, StudyError> {
     let others: Vec<&Row> = all
         .iter()
         .copied()
-        .filter(|r| matches!(r.knob, Knob::Photons | Knob::Neighbours | Knob::Rays))
+        .filter(|r| r.knob != Knob::Base && same_picture(r.knob))
         .collect();
     let front: Vec<&Row> = all.iter().copied().filter(|r| r.pareto).collect();
     let mut lines = vec![
