@@ -188,8 +188,8 @@ impl<E: Entry> Segments<'_, E> {
         let [x, y, z, _] = meets.to_array();
         let exit = lesser(lesser(x, y), z);
         self.exit = lesser(greater(exit, self.t), self.t_end);
-        // Inside the cell on the other axes, beyond it on this one. Of a single brick that is known
-        // before the exit is, and guessed rightly more often than not.
+        // Inside the cell on the other axes, beyond it on this one. In a single brick the others stay
+        // as they are: a branch, guessed mostly right, which does not wait for the exit.
         let inside = if cell.level() == 0 {
             low
         } else {
